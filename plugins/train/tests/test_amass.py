@@ -15,6 +15,7 @@ from humanclaw.motion import read_header
 from humanclaw_train.data import build as building
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.data.curate import build_real
+from humanclaw_train.mocap import clips
 from humanclaw_train.mocap.clips import Clip, Folder
 
 
@@ -100,7 +101,21 @@ def test_clips_are_left_out_for_a_reason(build, tmp_path):
     assert "expected JSON" in reasons["LICENSE.txt"]
     assert "expected poses (T, 66, 72, 156 or 165)" in reasons["quaternions.npz"]
     assert "expected frames a second; got 0.0333333" in reasons["seconds.npz"]
-    assert "ZeroDivisionError" in reasons["point.bvh"]
+    assert "Head, pelvis and feet are in one place" in reasons["point.bvh"]
+
+
+def test_a_file_that_nobody_foresaw_ends_no_others_reading(build, tmp_path, monkeypatch):
+    for name in ("good", "odd"):
+        write_clip(_in(tmp_path / "in" / name / "walk.npz"), _walk())
+
+    def read(file, reading, load=clips.load):
+        return 1 / 0 if "odd" in str(file) else load(file, reading)
+
+    monkeypatch.setattr(clips, "load", read)
+    assert build(tmp_path / "in", tmp_path / "out", "--seconds", "0", "--hold-out", "") == 0
+    reasons = {row["name"]: row["reason"] for row in _report(tmp_path / "out")}
+    assert reasons["odd/walk.npz"] == "cannot be read: ZeroDivisionError: division by zero"
+    assert reasons["good/walk"] == ""
 
 
 def _point() -> str:
@@ -109,8 +124,9 @@ def _point() -> str:
     def joint(index: int) -> str:
         children = "".join(joint(k) for k, parent in enumerate(PARENTS) if parent == index)
         channels = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+        end = "End Site\n{\nOFFSET 0 1 0\n}\n"
         kind = "JOINT" if index else "ROOT"
-        return f"{kind} {JOINTS[index]}\n{{\nOFFSET 0 1 0\n{channels}\n{children or 'End Site{OFFSET 0 1 0}'}}}\n"
+        return f"{kind} {JOINTS[index]}\n{{\nOFFSET 0 1 0\n{channels}\n{children or end}}}\n"
 
     frame = " ".join(["0"] * 6 * len(JOINTS)) + "\n"
     return f"HIERARCHY\n{joint(0)}MOTION\nFrames: 30\nFrame Time: 0.033333\n{30 * frame}"

@@ -170,8 +170,9 @@ def terms(folder: Path) -> tuple[str, str]:
     file = folder / TERMS
     if not file.is_file():
         return folder.resolve().name, ""
-    source, _, licence = (line.strip() for line in file.read_text("utf-8").partition("\n")[0].partition(":"))
-    if not source or not licence:
+    first = file.read_text("utf-8", "replace").partition("\n")[0]
+    source, _, licence = (line.strip() for line in first.partition(":"))
+    if not source or not licence or "\ufffd" in first:
         raise MocapError(f"{file} does not begin with SOURCE: LICENCE.", 'Write such as "HDM05: CC BY-SA 3.0".')
     return source, licence
 

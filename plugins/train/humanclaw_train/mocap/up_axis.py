@@ -43,6 +43,11 @@ def stood_up(source: SourceMotion, asked: Up | None) -> SourceMotion:
     joints = source.positions[:, columns]
     reference = _stands(source.rest.positions[None, columns])
     hips = np.diff(source.positions[:, [source.joints.index(naming[f"{side}_hip"]) for side in SIDES]], axis=1)[:, 0]
+    if not _length(joints).any():
+        raise MocapError(
+            "Head, pelvis and feet are in one place.",
+            "A position channel replaces its joint's OFFSET: export positions, or rotations alone.",
+        )
     up = asked or _found(source, joints, hips, reference or "y")
     if reference is None:
         # Zero angles that are no pose of a person, as of LAFAN and Rokoko, whose bones all lie along X then.
