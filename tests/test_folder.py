@@ -137,6 +137,7 @@ def test_a_name_cannot_lead_out_of_the_folder(folder, name):
 OWN = {
     "core/humanclaw/storage/": "the door",
     "core/humanclaw/cli/new.py": "templates of this package, and a folder that it makes",
+    "core/humanclaw/cli/terminal.py": "the null device",
     "core/humanclaw/episodes/recorder.py": "code and weights of installed skills",
     "core/humanclaw/motion/checkpoint.py": "weights that the user named",
     "core/humanclaw/plugins/distributions.py": "a table of this package",
