@@ -135,6 +135,7 @@ def matrix_up(pose):
     return 1 - 2 * (x * x + z * z)
 
 
+@pytest.mark.integration
 @both
 def test_a_crouching_body_takes_a_thing_from_the_floor_and_rises(plugins, engine):
     room = Room(table=False)
