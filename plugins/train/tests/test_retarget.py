@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from amass_tree import trained_skills
+from amass_tree import trained_skills, write_clip
 from declared import declaration
 
-from humanclaw import Motion
+from humanclaw import Keyframes, Motion
 from humanclaw.body import (
     FPS,
     JOINT_INDEX,
@@ -183,6 +183,20 @@ def test_a_root_in_another_unit_than_the_bones_is_refused(source, unit, slides):
     travel = (source.positions[:, :1] - source.positions[:1, :1]) * [1, 0, 1]
     with pytest.raises(MocapError, match=f"slide by {slides}.*another unit"):
         retarget(replace(source, positions=source.positions + (unit - 1) * travel))
+
+
+@pytest.mark.parametrize(("unit", "share"), [(0.01, "-99%"), (0.3937, "-6.%"), (2.54, "1[56].%"), (1.0, "")])
+def test_a_squat_with_a_root_in_another_unit_is_refused(tmp_path, unit, share):
+    """Hips that go down by 30 cm while the root goes down by unit times that."""
+    down = Keyframes((0.0, 1.0, 2.0), {}, root=((0.0, 0.0, 0.0), (0.0, -0.3, 0.0), (0.0, 0.0, 0.0)))
+    squat = down.over(rest_pose(5))
+    heights = squat.root[:, 1] - squat.root[0, 1]
+    write_clip(tmp_path / "squat.npz", Motion(squat.root + (unit - 1) * heights[:, None] * [0, 1, 0], squat.rotations))
+    if not share:
+        assert len(retarget(load(tmp_path / "squat.npz"))) == len(squat)
+        return
+    with pytest.raises(MocapError, match=f"move by {share} of that.*another unit"):
+        retarget(load(tmp_path / "squat.npz"))
 
 
 # -- clips -------------------------------------------------------------------------------------------------------------

@@ -47,6 +47,12 @@ _SLIDES: Final = 0.75
 """Share of its step by which a standing foot may slide. Measured: -.1 to .5 in 200 captured clips; 1 for a root that
 stays on the spot, -1 for one that goes twice as far."""
 
+_SQUATS: Final = 0.1
+"""Standard deviation of the height of the pelvis over the lowest joint, metres, of a body that squats or sits down."""
+_HOVERS, _TOGETHER = 0.3, 0.9
+"""Share of the hips' way by which feet may move with them, where that explains so much of the feet's variance.
+Measured: .13 where it explains .6, in 221 captured clips; a backflip has -1.1 and .8. A root that stays has -1."""
+
 
 def retarget(source: SourceMotion) -> Motion:
     """Move a source motion to our body at 30 fps.
@@ -57,6 +63,7 @@ def retarget(source: SourceMotion) -> Motion:
     """
     motion = _settled(plant(_body(resample(source))).motion())
     _refuse_sliding(motion, source.source)
+    _refuse_hovering(motion, source.source)
     return motion
 
 
@@ -176,6 +183,21 @@ def _refuse_sliding(motion: Motion, name: str) -> None:
         raise MocapError(
             f"{name or 'This motion'}: expected feet that stay where they stand; they slide by {slides:.0%} of their "
             "steps, because the root is in another unit than the bones or the walk is in place.",
+            "Scale the root's positions.",
+        )
+
+
+def _refuse_hovering(motion: Motion, name: str) -> None:
+    """Raise MocapError for a body that squats, and whose feet rise or sink as its hips do."""
+    low = motion.joints()[:, :, 1].min(axis=1)
+    height = motion.root[:, 1] - low
+    spread = np.cov(height, low, bias=True)
+    if spread[0, 0] <= _SQUATS**2 or spread[0, 1] ** 2 <= _TOGETHER * spread[0, 0] * spread[1, 1]:
+        return
+    if abs(share := float(spread[0, 1] / spread[0, 0])) > _HOVERS:
+        raise MocapError(
+            f"{name or 'This motion'}: expected feet on the floor as the hips go down; they move by {share:.0%} of "
+            "that, because the root is in another unit than the bones.",
             "Scale the root's positions.",
         )
 
