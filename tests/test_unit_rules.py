@@ -45,3 +45,10 @@ def test_a_unit_test_that_swallows_the_refusal_fails_at_its_end(pytester):
     done = pytester.runpytest_subprocess("-o", f"pythonpath={Path(__file__).with_name('support')}", "-p", "bodies")
     done.assert_outcomes(passed=len(BREACHES) + 1, errors=len(BREACHES))
     done.stdout.fnmatch_lines([f"*A unit test did this: {what}.*" for _, what in BREACHES])
+
+
+def test_a_mark_of_failure_hides_no_breach(pytester):
+    pytester.makepyfile("import os, pytest\n@pytest.mark.xfail\ndef test_a_unit():\n    os.system('true')")
+    done = pytester.runpytest_subprocess("-o", f"pythonpath={Path(__file__).with_name('support')}", "-p", "bodies")
+    assert done.ret == 1
+    done.stdout.fnmatch_lines(["*A unit test did this: os.system.*"])

@@ -3,8 +3,7 @@
 Tests share the fixtures safely because each test resets what it uses.
 
 The rules hold while a test runs. They do not see what a file does while it is imported, engines and houses that are
-made without `Plugins`, what a thread does after its test, a server of datagrams, and C's own `system`. A test marked
-xfail hides its breach.
+made without `Plugins`, what a thread does after its test, a server of datagrams, and C's own `system`.
 """
 
 import platform
@@ -101,6 +100,16 @@ def pytest_runtest_teardown():
         return (yield)
     finally:
         WATCH.end()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport(item, call):
+    """Fail a test that is marked xfail, too."""
+    report = yield
+    if WATCH.breaches and hasattr(report, "wasxfail"):
+        del report.wasxfail
+        report.outcome, report.longrepr = "failed", f"A unit test did this: {', '.join(WATCH.breaches)}."
+    return report
 
 
 @pytest.fixture(scope="session", autouse=True)
