@@ -157,6 +157,10 @@ class Motion:
         """Compute (T,) heading in radians."""
         return heading(self.rotations[:, 0])
 
+    def held(self, frames: int) -> Motion:
+        """Return the last frame, so many times."""
+        return Motion(np.repeat(self.root[-1:], frames, 0), np.repeat(self.rotations[-1:], frames, 0))
+
     def then(self, other: Motion) -> Motion:
         """Return this motion followed by the other one."""
         return Motion(np.concatenate([self.root, other.root]), np.concatenate([self.rotations, other.rotations]))

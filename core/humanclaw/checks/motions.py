@@ -16,7 +16,7 @@ _HIPS: Final = OFFSETS[[JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]] * [1
 
 def hold(motion: Motion, frames: int) -> Motion:
     """Return a motion, followed by its last pose for some frames."""
-    return motion.then(Motion(np.repeat(motion.root[-1:], frames, 0), np.repeat(motion.rotations[-1:], frames, 0)))
+    return motion.then(motion.held(frames))
 
 
 def glide(x: float, z: float, frames: int = FUTURE) -> Motion:

@@ -12,7 +12,6 @@ from humanclaw.body.ik import SIDES
 from humanclaw.body.limits import JOINT_LIMITS, KNEE_BACK, angles_from_standing, within_limits
 from humanclaw.body.pose import (
     FPS,
-    FUTURE,
     HISTORY,
     Array,
     Motion,
@@ -53,7 +52,7 @@ def motion_faults(plan: Callable[[Motion], Sequence[Part]], call: str) -> Faults
             for part in plan(pose):
                 # The motion model's own motion is not held to these limits, and speech has none.
                 if isinstance(part, Control | Speech):
-                    pose = _held(pose)
+                    pose = pose.held(HISTORY)
                     continue
                 motion = wanted(part, pose)
                 yield from _faults(motion, pose[-1:], f"{call}{where}{again}")
@@ -70,10 +69,6 @@ def moves(parts: Sequence[Part]) -> bool:
         or not np.allclose(wanted(part, start).root, start.root[-1], atol=1e-3)
         for part in parts
     )
-
-
-def _held(pose: Motion) -> Motion:
-    return Motion(np.repeat(pose.root[-1:], FUTURE, 0), np.repeat(pose.rotations[-1:], FUTURE, 0))[-HISTORY:]
 
 
 def _faults(motion: Motion, pose: Motion, call: str) -> Faults:

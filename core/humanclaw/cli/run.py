@@ -98,8 +98,8 @@ def play(
             stack.enter_context(_kept(part.folder))
         _played(parts, scene, starts, interrupted, console, clock, seed=seed, plugins=plugins, backends=backends)
     try:
-        for part in parts:
-            recorded = RecordedEpisode(part.folder)
+        episodes = [RecordedEpisode(part.folder) for part in parts]
+        for part, recorded in zip(parts, episodes, strict=True):
             console.print(said := summary(recorded.record, recorded.steps))
             getattr(part.agent, "show_result", lambda result, run: None)(said, out)
         status.stop()  # The film has a bar of its own.
@@ -108,8 +108,7 @@ def play(
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
         raise
-    for part in parts:
-        recorded = RecordedEpisode(part.folder)
+    for recorded in episodes:
         end(recorded.record, recorded.steps)
 
 

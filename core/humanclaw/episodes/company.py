@@ -230,11 +230,11 @@ class _World:
         self._scene, self.said = starts[0][0], []
         return dict(enumerate(self._simulator.reset_all(self._scene, [start for _, start in starts])))
 
-    def _executed(self, motions: Mapping[int, Motion]) -> Mapping[int, Execution]:
+    def _executed(self, motions: dict[int, Motion]) -> Mapping[int, Execution]:
         frames = len(next(iter(motions.values())))
-        states = self._simulator.states()
-        still = [Motion(*(np.repeat(part, frames, 0) for part in (at.body.root, at.body.rotations))) for at in states]
-        executions = self._simulator.execute_all([motions.get(number, still[number]) for number in range(self._count)])
+        standing = {} if len(motions) == self._count else dict(enumerate(self._simulator.states()))
+        still = {number: state.body.held(frames) for number, state in standing.items()}
+        executions = self._simulator.execute_all([(still | motions)[number] for number in range(self._count)])
         said, self.said = self.said, []
         if not said:
             return dict(enumerate(executions))

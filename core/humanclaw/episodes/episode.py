@@ -105,8 +105,7 @@ class Episode:
         if distance and spec.target_ids:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         settings = {"limits": self._meter.limits, "apart": apart or {}}
-        record = begin_record(body, spec, self._agents, options or {}, settings, self.distance_to_goal())
-        record = record.model_copy(update={"company": tuple(company)})
+        record = begin_record(body, spec, self._agents, options or {}, settings, self.distance_to_goal(), company)
         # Before anything is written, so that a refusal leaves no folder behind.
         own = own_seed(spec.seed) if agent_seed is None else agent_seed
         context = EpisodeContext(spec.for_agent, body.skills, own, meter=self._meter, gaze=body.gaze)

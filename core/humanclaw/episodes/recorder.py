@@ -6,7 +6,7 @@ import datetime
 import functools
 import hashlib
 import json
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -36,9 +36,8 @@ def begin_folder(body: Body, record: EpisodeRecord, folder: Path | Folder | None
     """Return the writer of an episode whose body stands at its start: five frames, with which motion begins."""
     movable = (obj for obj in body.scene.objects if obj.movable)
     at_rest = {f"object_{obj.id}": np.array([*obj.position, *obj.rotation], float) for obj in movable}
-    writer, still = EpisodeWriter(folder, record, at_rest), body.state().body
-    standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
-    writer.move(_arrays(body.history, standing))
+    writer = EpisodeWriter(folder, record, at_rest)
+    writer.move(_arrays(body.history, body.state().body.held(HISTORY)))
     return writer
 
 
@@ -71,7 +70,7 @@ def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) ->
 
 def begin_record(
     body: Body, spec: EpisodeSpec, agents: EpisodeAgents, options: Mapping[str, Any], settings: Mapping[str, Any],
-    geodesic: float | None,
+    geodesic: float | None, company: Sequence[str] = (),
 ) -> EpisodeRecord:  # fmt: skip
     """Return the record that an episode begins with.
 
@@ -80,6 +79,7 @@ def begin_record(
         options: options of the run, as given.
         settings: effective settings besides those of agent, verifier, plugins and body; empty ones are left out.
         geodesic: the remaining way to a target, metres; None if it is not measured.
+        company: of several bodies in the scene the ids of all their episodes, in order.
     """
     chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
     used = asdict(body.backends) | {"sensors": list(body.sensors)}
@@ -101,6 +101,7 @@ def begin_record(
         movable=tuple(item.id for item in objects if item.movable),
         ground=tuple(item.id for item in objects if item.category in GROUND),
         skills=skill_infos(body.plugins, body.skills),
+        company=tuple(company),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
 

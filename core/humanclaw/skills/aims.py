@@ -97,8 +97,7 @@ class Grip:
 
     def over(self, pose: Motion) -> Motion:
         """Return the last frame of a pose as long as the part lasts."""
-        frames = whole_chunks(self.seconds)
-        return Motion(np.repeat(pose.root[-1:], frames, 0), np.repeat(pose.rotations[-1:], frames, 0))
+        return pose.held(whole_chunks(self.seconds))
 
 
 @dataclass(frozen=True)

@@ -136,8 +136,8 @@ class Keyframes:
         """Return the motion in the frame of the pose."""
         frames = whole_chunks(self.seconds)
         clock = np.minimum(np.arange(1, frames + 1) / FPS, self.seconds)
-        root = np.repeat(pose.root[-1:], frames, axis=0)
-        rotations = np.repeat(pose.rotations[-1:], frames, axis=0)
+        still = pose.held(frames)
+        root, rotations = still.root, still.rotations
         for joint, keys in self.rotations.items():
             index = JOINT_INDEX[joint]
             rotations[:, index] = self._turned(clock, rotations[0, index], np.array(keys, float))
