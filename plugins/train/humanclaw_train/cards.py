@@ -57,11 +57,13 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
     notes, data = header["card"], header["card"]["data"]
     adapter = header.get("adapter", {})
     row = _row(header, checkpoint, report)
-    ours = header.get("digest") == read_header(shipped_base())["digest"]
+    shipped = read_header(shipped_base())
+    ours = header.get("digest") == shipped["digest"]
+    inherited = header.get("base") == shipped["digest"] and _same_data(notes, shipped["card"])
     licence = _package_licence(checkpoint)[1]
     return {
         **header,
-        "title": f"adapter of `{adapter['skill']}`" if adapter else "motion prior",
+        "title": f"Adapter of `{adapter['skill']}`" if adapter else "Motion prior",
         "licence": "other" if " " in licence else licence.lower() or "unknown",
         "base": header.get("base", ""),
         "digest": header.get("digest") or file_digest(checkpoint),
@@ -69,7 +71,8 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "condition": f"`{adapter.get('encoder')}` of {', '.join(adapter.get('params', ())) or 'nothing'}",
         "data": data,
         "recipe": notes["recipe"],
-        "sources": _sources(data["sources"], notes["licences"]),
+        "sources": _sources(data["sources"], notes["licences"], inherited),
+        "inherited": inherited,
         "licences": notes["licences"],
         "terms": terms(notes["licences"]),
         "share": lambda count: f"{100 * count / max(data['chunks'], 1):.0f} %",
@@ -91,12 +94,20 @@ def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | N
     return next((row for row in report.rows if row.adapter == digest), None)
 
 
-def _sources(counted: Mapping[str, int], licences: Sequence[str]) -> list[str]:
-    """Return a line for each source of the data: its licence, attribution and number of chunks."""
+def _same_data(notes: Mapping[str, Any], base: Mapping[str, Any]) -> bool:
+    """Return whether an adapter's sources are among those of its base, under the same licences."""
+    return {*notes["data"]["sources"]} <= {*base["data"]["sources"]} and {*notes["licences"]} == {*base["licences"]}
+
+
+def _sources(counted: Mapping[str, int], licences: Sequence[str], inherited: bool) -> list[str]:
+    """Return a line for each source of the data: number of chunks; unless inherited, licence and attribution."""
     texts = dict(text.partition(": ")[::2] for text in licences)
     lines = []
     for source in dict.fromkeys([*counted, *texts]):
         if source == "composed":  # Synthesised from the clips: the card counts such chunks apart.
+            continue
+        if inherited:
+            lines.append(f"{source} {counted.get(source, 0):,}")
             continue
         line = f"{source}: {texts.get(source, 'licence not given')}"
         line = "these clips at other paces" if source == "retimed" else line

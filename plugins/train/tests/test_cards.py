@@ -66,6 +66,14 @@ def test_weights_of_share_alike_data_are_share_alike(humanclaw, weights, capsys)
         assert ('Write license = "Apache-2.0 AND CC-BY-SA-3.0"' in said) == warned
 
 
+def test_licences_of_the_same_data_are_told_on_the_card_of_the_base():
+    owner = "NSF EIA-0196217"
+    assert owner in card(shipped_base())
+    text = card(adapters([SKILLS])["walk"])
+    assert "Motion Capture Database 355, ReActIdle 0. Licences: see the base's card." in text
+    assert owner not in text
+
+
 def test_a_card_tells_the_figures_of_the_header(weights):
     text = card(weights / "sit_in_place" / "adapter.safetensors")
     for fact in (
