@@ -266,17 +266,15 @@ def parse_limits(texts: Sequence[str]) -> dict[str, float]:
     return dict(check_limits(limits))
 
 
-def plugin_files(function: F) -> F:
-    """Add --plugin FILE|FOLDER (repeatable)."""
-    option = click.option(
-        "--plugin",
-        "files",
-        type=click.Path(path_type=Path),
-        multiple=True,
-        metavar="FILE|FOLDER",
-        help="Also load a plugin from a Python file or a package's folder, without installing it. Repeatable.",
-    )
-    return option(function)
+plugin_files: Final = click.option(
+    "--plugin",
+    "files",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    metavar="FILE|FOLDER",
+    help="Also load a plugin from a Python file or a package's folder, without installing it. Repeatable.",
+)
+"""The option --plugin FILE|FOLDER; the command gets `files`."""
 
 
 def plugin_options(function: F) -> F:
@@ -345,7 +343,12 @@ def _parse_pair(pair: str) -> tuple[str, Any]:
         raise HumanclawError(
             f"--option {key} looks like a secret, and options are recorded.", "Put keys into the environment instead."
         )
+    return key, json_or_text(text)
+
+
+def json_or_text(text: str) -> Any:
+    """Return the value of a text that is JSON; otherwise the text."""
     try:
-        return key, json.loads(text)
+        return json.loads(text)
     except ValueError:
-        return key, text
+        return text

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
 
-from humanclaw.cli.options import engine_options, plugin_options, scene_option, seed_option
+from humanclaw.cli.options import engine_options, json_or_text, plugin_options, scene_option, seed_option
 from humanclaw.cli.run import PLAYING, claim, end, left_empty, new_folder, numbered, present
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
@@ -99,19 +98,17 @@ def play(
 
 def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> tuple[Plugins, Skill]:
     """Return the plugins and the skill of a file, a skill folder, or a name."""
-    path = Path(target)
+    path, plugins = Path(target), Plugins.discover(files, choice)
+    # What the path holds is meant, also where its published distribution is installed: first=True.
     if path.is_dir() and any(path.rglob("schema.json")):
-        plugins, name = Plugins.discover(files, choice), path.resolve().name
+        name = path.resolve().name
         folders = sorted(file.parent for file in path.rglob("schema.json"))
         plugins.add(_Folders(folders), name, origin=str(path), first=True)
         return plugins, _one_of(plugins, name, skill)
     if path.suffix or path.exists():
-        plugins = Plugins.discover(files, choice)
-        # A skill of the file is meant, also where its published distribution is installed.
         path = package_in(path)
         plugins.add(load_file(path), path.stem, origin=str(path), first=True)
         return plugins, _one_of(plugins, path.stem, skill)
-    plugins = Plugins.discover(files, choice)
     return plugins, plugins.skill(target)
 
 
@@ -157,14 +154,7 @@ def _pairs(words: Sequence[str], known: Container[str]) -> Iterator[tuple[str, A
             listed = meant not in known and meant != "PARAMETER"
             remedy = "`humanclaw play --help` lists the options." if listed else f"Write {meant}=VALUE."
             raise HumanclawError(message, remedy)
-        yield name, _value(value)
-
-
-def _value(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
+        yield name, json_or_text(value)
 
 
 def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:

@@ -68,53 +68,39 @@ def play(
     plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
     backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
-    words = [instruction, *([partner_instruction or instruction] if partner else [])]
-    for text in words:
-        require_words(text)
-    minds = [deciders, *([deciders.other(partner, plugins)] if partner else [])]
-    made = [mind.make(plugins) for mind in minds]
-    for text, deciding in zip(words, made, strict=True):
-        for decider in filter(None, deciding):
-            _require_ready(decider, text)
+    tasks = [(instruction, deciders)]
+    if partner:
+        tasks.append((partner_instruction or instruction, deciders.other(partner, plugins)))
+    agents = _ready_agents(tasks, plugins)
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
-    out = out or new_folder("-with-".join(name_of(mind.title) for mind in minds))
+    out = out or new_folder("-with-".join(name_of(named.title) for _, named in tasks))
     starts = [scene.start, *([place_beside(scene, scene.start)] if partner else [])]
-    parts = [
-        _Part(_spec(text, scene, start, f"{name_of(reference)}-{seed + k}", seed + k, max_steps), mind, *deciding, out)
-        for k, (text, start, mind, deciding) in enumerate(zip(words, starts, minds, made, strict=True))
+    roles = [
+        _Role(_spec(text, scene, start, name_of(reference), seed + k, max_steps), named, *agents[k], out)
+        for k, ((text, named), start) in enumerate(zip(tasks, starts, strict=True))
     ]
-    progress = StepProgress(
-        console, max_steps, distances=not any(getattr(part.agent, "at_terminal", False) for part in parts)
-    )
-    plugins.add(progress, "console_progress")
+    distances = not any(getattr(role.agent, "at_terminal", False) for role in roles)
+    plugins.add(StepProgress(console, max_steps, distances=distances), "console_progress")
     status.update(PLAYING)
-    with ExitStack() as stack:
-        for part in parts:
-            claim(part.folder)
-            stack.enter_context(left_empty(part.folder))
-        interrupted = stack.enter_context(_interrupting())
-        for part in parts:
-            stack.enter_context(_kept(part.folder))
-        _played(parts, scene, starts, interrupted, console, clock, seed=seed, plugins=plugins, backends=backends)
-    try:
-        episodes = [RecordedEpisode(part.folder) for part in parts]
-        for part, recorded in zip(parts, episodes, strict=True):
-            console.print(said := summary(recorded.record, recorded.steps))
-            getattr(part.agent, "show_result", lambda result, run: None)(said, out)
-        status.stop()  # The film has a bar of its own.
-        for part in parts:
-            present(plugins, backends, out, part.folder, film, console)
-    except KeyboardInterrupt:
-        console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
-        raise
-    for recorded in episodes:
-        end(recorded.record, recorded.steps)
+    _record(roles, scene, console, clock, seed=seed, plugins=plugins, backends=backends)
+    _report(roles, plugins, backends, film, console, status)
+
+
+def _ready_agents(tasks: Sequence[tuple[str, Deciders]], plugins: Plugins) -> list[tuple[Agent, Verifier | None]]:
+    """Make agent and verifier of each task. Raises HumanclawError if one of them says that it cannot begin."""
+    for instruction, _ in tasks:
+        require_words(instruction)
+    made = [deciders.make(plugins) for _, deciders in tasks]
+    for (instruction, _), pair in zip(tasks, made, strict=True):
+        for decider in filter(None, pair):
+            _require_ready(decider, instruction)
+    return made
 
 
 @dataclass(frozen=True)
-class _Part:
-    """One body's task, and who decides for it."""
+class _Role:
+    """One body's episode, and who decides for it."""
 
     spec: EpisodeSpec
     deciders: Deciders
@@ -130,35 +116,61 @@ class _Part:
     def head(self) -> str:
         return f'{self.deciders.title} in {self.spec.scene}: "{self.spec.instruction}"\n{scoring(self.spec)}'
 
-    def play(self, body: Body, **given: Any) -> None:
+
+def _spec(text: str, scene: Scene, start: Pose2D, place: str, seed: int, max_steps: int) -> EpisodeSpec:
+    spec = free_episode(text, scene, seed=seed, max_steps=max_steps, name=f"{place}-{seed}")
+    return spec.model_copy(update={"start": start})
+
+
+def _record(roles: Sequence[_Role], scene: Scene, console: Console, clock: Clock, **made: Any) -> None:
+    """Play all roles into new folders, to their ends or until Ctrl-C. made: seed, plugins and backends of the body."""
+    with ExitStack() as stack:
+        for role in roles:
+            claim(role.folder)
+            stack.enter_context(left_empty(role.folder))
+        interrupted = stack.enter_context(_interrupting())
+        for role in roles:
+            stack.enter_context(_kept(role.folder))
+        _play_together(roles, scene, interrupted, console, clock, **made)
+
+
+def _play_together(
+    roles: Sequence[_Role], scene: Scene, interrupted: Callable[[], bool], console: Console, clock: Clock, **made: Any
+) -> None:
+    company_ids = [role.spec.id for role in roles] if len(roles) > 1 else ()
+
+    def played(role: _Role, body: Body) -> None:
         run_episode(
-            body, self.spec, self.agent, self.verifier, folder=self.folder, options=self.deciders.options,
-            distance=geodesics, meter=self.deciders.meter(), **given,
+            body, role.spec, role.agent, role.verifier, folder=role.folder, options=role.deciders.options,
+            distance=geodesics, meter=role.deciders.meter(), begun=partial(console.print, role.head, soft_wrap=True),
+            stopping=interrupted, company=company_ids, clock=clock,
         )  # fmt: skip
 
-
-def _spec(text: str, scene: Scene, start: Pose2D, name: str, seed: int, max_steps: int) -> EpisodeSpec:
-    spec = free_episode(text, scene, seed=seed, max_steps=max_steps, name=name)
-    return spec if start == scene.start else spec.model_copy(update={"start": start})
-
-
-def _played(
-    parts: Sequence[_Part], scene: Scene, starts: Sequence[Pose2D], interrupted: Callable[[], bool], console: Console,
-    clock: Clock, **made: Any,
-) -> None:  # fmt: skip
-    """Play all parts at once. made: seed, plugins and backends of the bodies."""
-
-    def played(part: _Part, body: Body) -> None:
-        all_of_them = [each.spec.id for each in parts] if len(parts) > 1 else ()
-        head = partial(console.print, part.head, soft_wrap=True)
-        part.play(body, begun=head, stopping=interrupted, company=all_of_them, clock=clock)
-
-    if len(parts) == 1:
+    if len(roles) == 1:
         with Body(scene, **made) as body:
-            played(parts[0], body)
+            played(roles[0], body)
         return
-    with Company(scene, starts, **made) as company:
-        company.play([partial(played, part) for part in parts])
+    with Company(scene, [role.spec.start or scene.start for role in roles], **made) as company:
+        company.play([partial(played, role) for role in roles])
+
+
+def _report(
+    roles: Sequence[_Role], plugins: Plugins, backends: Backends, film: str, console: Console, status: Status
+) -> None:
+    """Say how each episode ended, write its report, and exit with the code that it calls for."""
+    try:
+        episodes = [RecordedEpisode(role.folder) for role in roles]
+        for role, recorded in zip(roles, episodes, strict=True):
+            console.print(said := summary(recorded.record, recorded.steps))
+            getattr(role.agent, "show_result", lambda result, run: None)(said, role.run)
+        status.stop()  # The film has a bar of its own.
+        for role in roles:
+            present(plugins, backends, role.run, role.folder, film, console)
+    except KeyboardInterrupt:
+        console.print(f"The report is not whole. `humanclaw report {roles[0].run}` writes it.", soft_wrap=True)
+        raise
+    for recorded in episodes:
+        end(recorded.record, recorded.steps)
 
 
 def _require_ready(decider: Any, instruction: str) -> None:

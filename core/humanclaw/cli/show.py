@@ -143,10 +143,6 @@ def _print(rows: list[dict[str, str]], as_json: bool, shown: Sequence[str], noth
     Console(markup=False, emoji=False).print(table)
 
 
-def _without_version(source: str) -> str:
-    return source.partition(" ")[0]
-
-
 def _by_kind(provided: str) -> str:
     """Group lines by kind: "agent oracle" and "agent random" become "agent oracle, random"."""
     kinds: dict[str, list[str]] = {}
@@ -156,11 +152,9 @@ def _by_kind(provided: str) -> str:
     return "\n".join(f"{kind} {', '.join(names)}".strip() for kind, names in kinds.items())
 
 
-def _without_command(state: str) -> str:
-    return state.partition(": pip ")[0]
-
-
 _BRIEF: Final[Mapping[str, Callable[[str], str]]] = {
-    "from": _without_version, "provides": _by_kind, "state": _without_command,
-}  # fmt: skip
+    "from": lambda source: source.partition(" ")[0],  # Without the version.
+    "provides": _by_kind,
+    "state": lambda state: state.partition(": pip ")[0],  # Without the command that installs it.
+}
 """Short forms of cells that would make a table wider than 80 characters."""
