@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from humanclaw import Backends, Call, Company, HumanclawError, Keyframes, Plugins, Speech, run_episode, skill
+from humanclaw import Backends, Call, Company, Grip, HumanclawError, Keyframes, Plugins, Speech, run_episode, skill
 from humanclaw.body import Pose2D
-from humanclaw.checks.fakes import FAKE, Fakes, ScriptedAgent, fake_scene
+from humanclaw.checks.fakes import FAKE, Fakes, FakeWorld, ScriptedAgent, fake_scene
 from humanclaw.records import RecordedEpisode, free_episode
 from humanclaw.world import SceneBuilder, person_id, voice_distance
 
@@ -35,6 +35,12 @@ def greet() -> Speech:
     return Speech("hello")
 
 
+@skill()
+def grasp() -> Grip:
+    """Close a hand."""
+    return Grip("right")
+
+
 @skill(role="stop")
 def finish() -> Keyframes:
     """End the episode."""
@@ -43,7 +49,7 @@ def finish() -> Keyframes:
 
 def company(starts=(NEAR, FAR), scene=None, **given):
     host = Plugins()
-    host.add(Fakes([bow, long_bow, greet, finish]), FAKE)
+    host.add(Fakes([bow, long_bow, greet, grasp, finish]), FAKE)
     return Company(scene or fake_scene(), list(starts), plugins=host, backends=Backends(FAKE, FAKE, FAKE), **given)
 
 
@@ -68,6 +74,15 @@ def test_a_speech_is_heard_in_the_next_half_second_whoever_thinks(slow):
         _, heard = two.play([speaker, listener])
     assert ["hello" in words for words in heard] == [False, True, False]
     assert heard[1].endswith('The other person, 2 m ahead of you, says: "hello".')
+
+
+@pytest.mark.parametrize("slow", [(0.0, 0.02), (0.02, 0.0)], ids=["the second thinks longer", "the first does"])
+def test_hands_close_in_the_order_of_the_starts_whoever_thinks(slow, monkeypatch):
+    gripped = []
+    monkeypatch.setattr(FakeWorld, "grip", lambda world, side, closed, body: gripped.append(body))
+    with company() as two:
+        two.play([feedbacks("grasp", slow=slow[0]), feedbacks("grasp", slow=slow[1])])
+    assert gripped == [0, 1]
 
 
 def test_a_long_call_goes_on_while_the_other_decides_three_times():

@@ -4,8 +4,8 @@ with Company("house:0", [start, other]) as company:
     records = company.play([lambda body: run_episode(body, spec, agent) for agent in agents])
 
 All bodies decide at the same time, from what they see at the start of the half second; then their chunks are simulated
-together. A call of several chunks goes on while the others decide anew. Nothing depends on which of them is faster, but
-for one thing: of two hands that close on one object in the same half second, the first takes it.
+together. A call of several chunks goes on while the others decide anew. Nothing depends on which of them is faster:
+hands that open or close do so before the half second, in the order of the starts.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.errors import HumanclawError, SceneError, passed_interrupts
 from humanclaw.plugins.host import Plugins
+from humanclaw.skills.aims import Grip
 from humanclaw.world.navigation.approach import voice_distance
 from humanclaw.world.navigation.search import MultiFloorMap
 from humanclaw.world.scene import Scene
@@ -35,8 +36,8 @@ from humanclaw.world.simulator import Execution, Heard, SharedSimulator, WorldSt
 T = TypeVar("T")
 HEARING: Final = 8.0
 """Metres that a voice carries, along the shortest way through the air: round corners and through open doors."""
-_Act: TypeAlias = "Motion | tuple[Scene, Pose2D]"
-"""What a body does next: half a second of motion, or standing at a start of a scene."""
+_Act: TypeAlias = "Motion | Grip | tuple[Scene, Pose2D]"
+"""What a body does next: half a second of motion, what a hand does before it, or standing at a start of a scene."""
 
 
 class Company:
@@ -139,7 +140,7 @@ class Seat:
         return execution
 
     def grip(self, side: Side, closed: bool) -> None:
-        self.world.grip(self.number, side, closed)
+        self.world.do(self.number, Grip(side, closed))
 
     def speak(self, text: str) -> None:
         """Let the others hear a text in their next half second."""
@@ -162,7 +163,6 @@ class _World:
         self._playing: set[int] = set()
         self._acts: dict[int, _Act] = {}
         self._answers: dict[int, Any] = {}
-        self._moment = 0
         self.said: list[tuple[int, str]] = []
         self._scene: Scene | None = None
 
@@ -182,19 +182,14 @@ class _World:
         with self._changed:
             if number not in self._playing:
                 raise HumanclawError("this body plays no part now.", "Give it one with Company.play().")
-            moment = self._moment
             self._acts[number] = act
             self._move_on()
-            if not self._changed.wait_for(lambda: self._moment > moment, self._patience):
+            while not self._changed.wait_for(lambda: number not in self._acts, self._patience):
                 self._do_now()
             answer = self._answers[number]
         if isinstance(answer, Exception):
             raise answer
         return answer
-
-    def grip(self, number: int, side: Side, closed: bool) -> None:
-        with self._changed:
-            self._simulator.grip(side, closed, number)
 
     def state(self, number: int) -> WorldState:
         with self._changed:
@@ -210,19 +205,26 @@ class _World:
             self._do_now()
 
     def _do_now(self) -> None:
-        acts, self._acts = self._acts, {}
+        """Do what was asked for; if hands are to grip, that alone, since who grips has a motion to ask for."""
+        grips = {number: act for number, act in sorted(self._acts.items()) if isinstance(act, Grip)}
+        acts = grips or self._acts
+        self._acts = {number: act for number, act in self._acts.items() if number not in acts}
         try:
-            self._answers = dict(self._done(acts))
+            self._answers |= self._gripped(grips) if grips else self._done(acts)
         except Exception as error:
-            self._answers = dict.fromkeys(acts, error)
-        self._moment += 1
+            self._answers |= dict.fromkeys(acts, error)
         self._changed.notify_all()
+
+    def _gripped(self, grips: Mapping[int, Grip]) -> Mapping[int, None]:
+        for number, grip in grips.items():
+            self._simulator.grip(grip.hand, grip.closed, number)
+        return dict.fromkeys(grips)
 
     def _done(self, acts: Mapping[int, _Act]) -> Mapping[int, Execution | WorldState]:
         motions = {number: act for number, act in acts.items() if isinstance(act, Motion)}
         if len(motions) == len(acts):
             return self._executed(motions)
-        starts = [act for _, act in sorted(acts.items()) if not isinstance(act, Motion)]
+        starts = [act for _, act in sorted(acts.items()) if isinstance(act, tuple)]
         if len(starts) < self._count or len({scene.digest for scene, _ in starts}) > 1:
             raise HumanclawError(
                 f"{len(starts)} of {self._count} bodies of a company begin in one scene.", "Let all begin together."

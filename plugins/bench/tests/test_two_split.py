@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from pydantic import ValidationError
 
-from humanclaw import EpisodeSpec, Plugins, RecordedEpisode, StepRecord, load_run
+from humanclaw import Call, EpisodeSpec, Plugins, RecordedEpisode, StepRecord, load_run
 from humanclaw.body import FPS, HISTORY, Motion, Pose2D, rest_pose
 from humanclaw.records import Partner, write_episodes
 from humanclaw.world import Contact, MultiFloorMap
@@ -71,14 +71,18 @@ def walked(*places):
     return Motion(*(np.concatenate([getattr(pose, part) for pose in poses]) for part in ("root", "rotations")))
 
 
+class Told(SimpleNamespace):
+    __hash__ = object.__hash__
+
+
 def together(partner, own, other, outcome="stopped", seen=(9000,), contacts=()):
     """An episode of a step for each number of seen pixels; all of its motion is in the first."""
     spec = EpisodeSpec(id="one", instruction="do it", scene="s", partner=partner)
     steps = [StepRecord(step=k, status="executed", attempts=(), target_pixels={-3: pixels}, contacts=contacts)
              for k, pixels in enumerate(seen)]  # fmt: skip
-    record = SimpleNamespace(spec=spec, outcome=outcome, skills={})
-    recorded = SimpleNamespace(record=record, steps=steps, spans=((HISTORY, HISTORY + len(own)),), has_motion=True,
-                               motion=lambda: walked(*own))  # fmt: skip
+    record = Told(spec=spec, outcome=outcome, skills={})
+    recorded = Told(record=record, steps=steps, spans=((HISTORY, HISTORY + len(own)),), has_motion=True,
+                    motion=lambda: walked(*own))  # fmt: skip
     return Together(recorded, walked(*other))
 
 
@@ -131,6 +135,15 @@ def test_the_mean_distance_is_that_of_all_frames():
     """Seven frames a metre apart, and one at three metres, while the other stands where its record ends."""
     facts = together(MEET, [(0.0, -1.0), (0.0, -1.0), (0.0, -3.0)], [(0.0, 0.0)])
     assert facts.mean_distance == pytest.approx((7 * 1.0 + 3.0) / 8)
+
+
+def test_only_words_that_are_spoken_count():
+    facts = together(MEET, [(0.0, -1.0)], [(0.0, 0.0)])
+    calls = [(Call("say", {"text": "where are you"}), 0, "executed"), (Call("grasp", {"side": "left"}), 15, "executed"),
+             (Call("answer", {"text": "yes"}), 0, "stopped")]  # fmt: skip
+    facts.recorded.steps = [StepRecord(step=k, status=status, attempts=(), call=call, motion_frames=frames)
+                            for k, (call, frames, status) in enumerate(calls)]  # fmt: skip
+    assert facts.words == 3
 
 
 def test_an_episode_that_broke_off_without_motion_is_scored():

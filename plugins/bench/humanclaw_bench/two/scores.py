@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
 
 from humanclaw import RecordedEpisode
 from humanclaw.body import HISTORY, Array, Motion, rest_pose, wrap_angle
-from humanclaw.records import Partner, in_view, role_of
+from humanclaw.records import Partner, in_view
 from humanclaw_bench.failure_modes import Rule, Stage
 from humanclaw_bench.two.partners import ARRIVED, PARTNER
 
@@ -34,6 +34,7 @@ class Together:
     """Of the partner, from the same start; where it ends, the partner stands."""
 
     @classmethod
+    @lru_cache(1)  # Scores and root cause need the same.
     def of(cls, recorded: RecordedEpisode) -> Together:
         """Read the partner's motion too, once the episode has some itself. Raises RecordError if it is missing."""
         if not recorded.has_motion:
@@ -121,9 +122,9 @@ class Together:
 
     @property
     def words(self) -> int:
-        """How many words were said in calls that end nothing."""
-        steps = (step for step in self.recorded.steps if step.call and role_of(self.recorded, step) != "stop")
-        said = (value for step in steps if step.call for value in step.call.params.values() if isinstance(value, str))
+        """How many words were spoken: the texts of calls that took no time and did not end the episode."""
+        speeches = (step.call for step in self.recorded.steps if step.status == "executed" and not step.motion_frames)
+        said = (value for call in speeches if call for value in call.params.values() if isinstance(value, str))
         return sum(len(text.split()) for text in said)
 
     @property
