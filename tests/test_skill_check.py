@@ -16,7 +16,7 @@ from hosting import host_of, write_distribution
 from humanclaw import Plugins, skill
 from humanclaw.cli import build
 from humanclaw.errors import PluginError
-from humanclaw.skills import Measure, publish
+from humanclaw.skills import Measure, tool_list
 from humanclaw.testing import check_skill
 
 
@@ -135,7 +135,7 @@ def test_one_schema_that_cannot_be_published_hides_no_other_skill(copy, odd, sai
     folder = copy("step_back", lambda s: s["properties"].update(z_cm=odd))
     plugins = host_of("pair", skills=[folder, folder_of("stop")])
     assert said in plugins.disabled["step_back"]
-    assert [tool["name"] for tool in publish(plugins.skills.values(), "mcp")] == ["stop"]
+    assert [tool["name"] for tool in tool_list(plugins.skills.values(), "mcp")] == ["stop"]
 
 
 def test_a_measure_that_nobody_knows_is_refused(copy):

@@ -12,10 +12,10 @@ from humanclaw.skills import (
     REASONING_FIELDS,
     Call,
     answer_schema,
-    publish,
     read_answer,
     read_call,
     read_text,
+    tool_list,
 )
 
 SAID = {
@@ -48,9 +48,9 @@ def nested(levels):
     return inner
 
 
-# -- publishing --------------------------------------------------------------------------------------------------------
+# -- tool lists --------------------------------------------------------------------------------------------------------
 def test_the_reasoning_comes_first_and_is_required():
-    (tool,) = publish([STEP], "openai")
+    (tool,) = tool_list([STEP], "openai")
     parameters = tool["function"]["parameters"]
     assert list(parameters["properties"]) == [*REASONING_FIELDS, "z_cm"] == parameters["required"]
     assert parameters["properties"]["mid_level_change"]["enum"] == ["keep", "revise"]
@@ -58,7 +58,7 @@ def test_the_reasoning_comes_first_and_is_required():
 
 
 def test_without_the_reasoning_a_tool_is_the_skills_own_schema():
-    (tool,) = publish([STEP], "openai", reasoning=False)
+    (tool,) = tool_list([STEP], "openai", reasoning=False)
     assert tool == {
         "type": "function",
         "function": {"name": "step", "description": "Take a step.", "parameters": dict(STEP.schema)},
@@ -66,7 +66,7 @@ def test_without_the_reasoning_a_tool_is_the_skills_own_schema():
 
 
 def test_without_the_mid_level_its_fields_are_not_asked_for():
-    (tool,) = publish([STEP], "openai", mid_level=False)
+    (tool,) = tool_list([STEP], "openai", mid_level=False)
     assert list(tool["function"]["parameters"]["properties"]) == ["visible_state", "progress", "reasoning", "z_cm"]
 
 
@@ -80,7 +80,7 @@ def test_without_the_mid_level_its_fields_are_not_asked_for():
     ],
 )
 def test_every_format_holds_every_skill_with_its_bounds(form, read):
-    found = read(publish([STEP, TURN], form, reasoning=False))
+    found = read(tool_list([STEP, TURN], form, reasoning=False))
     assert [name for name, _ in found] == ["step", "turn"]
     assert found[1][1]["properties"]["yaw_deg"] == TURN.schema["properties"]["yaw_deg"]
     json.dumps(found, allow_nan=False)
@@ -88,7 +88,7 @@ def test_every_format_holds_every_skill_with_its_bounds(form, read):
 
 def test_gemini_gets_no_word_that_it_does_not_know():
     odd = made("odd", n={"type": "integer", "enum": [1, 2], "default": 1, "$comment": "x", "title": "N"})
-    (tools,) = publish([odd], "gemini", reasoning=False)
+    (tools,) = tool_list([odd], "gemini", reasoning=False)
     parameters = tools["functionDeclarations"][0]["parameters"]
     assert "additionalProperties" not in parameters
     assert parameters["properties"]["n"] == {"type": "integer", "description": "One of 1, 2."}
@@ -96,7 +96,7 @@ def test_gemini_gets_no_word_that_it_does_not_know():
 
 def test_an_unknown_format_names_the_known_ones():
     with pytest.raises(ValueError, match="openai, anthropic, gemini, mcp; got 'xml'"):
-        publish([STEP], "xml")
+        tool_list([STEP], "xml")
 
 
 def test_one_schema_for_all_skills_holds_the_widest_bounds():

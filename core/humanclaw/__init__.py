@@ -62,10 +62,10 @@ if TYPE_CHECKING:
     from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run
     from humanclaw.records.specification import EpisodeSpec as EpisodeSpec
     from humanclaw.records.steps import EpisodeRecord as EpisodeRecord, StepRecord as StepRecord
-    from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip, Speech as Speech
     from humanclaw.skills.call import Call as Call
     from humanclaw.skills.contract import Check as Check, Skill as Skill
     from humanclaw.skills.decorator import skill as skill
+    from humanclaw.skills.gaze_grip_speech import Gaze as Gaze, Grip as Grip, Speech as Speech
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes
     from humanclaw.skills.proprioception import ProprioceptiveState as ProprioceptiveState
     from humanclaw.skills.reaching import Reach as Reach

@@ -83,6 +83,6 @@ def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator
 
 
 def _floor(argument: str) -> Scene:
-    from humanclaw.skills.stages import stage
+    from humanclaw.skills.floor_scenes import floor_scene
 
-    return stage(argument)
+    return floor_scene(argument)

@@ -23,7 +23,7 @@ from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.plan import Control
-from humanclaw.skills.posing import Part
+from humanclaw.skills.plan_motion import Part
 from humanclaw.skills.proprioception import ProprioceptiveState
 
 _FAR: Final = 20.0

@@ -24,9 +24,9 @@ from humanclaw.body.self_overlap import overlap
 from humanclaw.body.skeleton import JOINT_INDEX, JOINTS
 from humanclaw.checks.motions import gait
 from humanclaw.errors import ContractError
-from humanclaw.skills.aims import Grip, Speech
+from humanclaw.skills.gaze_grip_speech import Grip, Speech
 from humanclaw.skills.plan import Control
-from humanclaw.skills.posing import Part, wanted
+from humanclaw.skills.plan_motion import Part, unlimited_motion
 
 SPEED_LIMIT: Final = 1500.0
 """Degrees a second: about the speed of the knee in a kick and of the elbow in a throw."""
@@ -54,7 +54,7 @@ def motion_faults(plan: Callable[[Motion], Sequence[Part]], call: str) -> Faults
                 if isinstance(part, Control | Speech):
                     pose = pose.held(HISTORY)
                     continue
-                motion = wanted(part, pose)
+                motion = unlimited_motion(part, pose)
                 yield from _faults(motion, pose[-1:], f"{call}{where}{again}")
                 pose = pose.then(within_limits(motion, pose[-1:])[0])[-HISTORY:]
             yield from _contacts(pose[-1:], before, f"{call}{where}{again}")
@@ -65,8 +65,8 @@ def moves(parts: Sequence[Part]) -> bool:
     start = rest_pose(HISTORY)
     return any(
         isinstance(part, Control | Grip | Speech)
-        or not np.allclose(wanted(part, start).rotations, start.rotations[-1], atol=1e-3)
-        or not np.allclose(wanted(part, start).root, start.root[-1], atol=1e-3)
+        or not np.allclose(unlimited_motion(part, start).rotations, start.rotations[-1], atol=1e-3)
+        or not np.allclose(unlimited_motion(part, start).root, start.root[-1], atol=1e-3)
         for part in parts
     )
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.publishing import parameter_schema
+from humanclaw.skills.tool_schemas import parameter_schema
 
 OPEN: Final = 1000
 """Bound for a number without bounds in the schema: large for a skill, and quick to iterate over."""

@@ -20,7 +20,7 @@ from humanclaw.skills.checks import read_draft, skill_faults
 from humanclaw.skills.contract import Skill, untrained
 from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.plan import Control, MotionError
-from humanclaw.skills.posing import Part
+from humanclaw.skills.plan_motion import Part
 from humanclaw.skills.proprioception import ProprioceptiveState
 
 _UNCALLABLE: Final = frozenset(

@@ -22,8 +22,8 @@ from humanclaw.records.decisions import Decision
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill, suited
+from humanclaw.skills.floor_scenes import FLOOR, SIDE, floor_for
 from humanclaw.skills.measures import to_si
-from humanclaw.skills.stages import FLOOR, SIDE, stage_for
 from humanclaw.text.words import did_you_mean
 
 Beginning = Literal["standing", "walking", "sitting"]
@@ -178,7 +178,7 @@ def _staged(skill: Skill, call: Call, count: int, beginning: Beginning) -> str:
     if beginning == "sitting":
         return f"{FLOOR}:sit={_SEAT}"
     # Nobody knows to the centimetre where the strides before it end, so stairs would be missed.
-    needed = stage_for(skill, values, count) if beginning == "standing" else ""
+    needed = floor_for(skill, values, count) if beginning == "standing" else ""
     if back := skill.commands("hips.back"):
         needed = f"wall={values[back.name] * count + _BEHIND:g}"
     wide = 2 * (_LONGEST * count + _ROOM)

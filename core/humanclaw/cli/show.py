@@ -17,7 +17,7 @@ from humanclaw.plugins.choice import Choice, PluginInfo
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill, values
-from humanclaw.skills.publishing import Format, publish
+from humanclaw.skills.tool_schemas import Format, tool_list
 
 _WRAPPED: Final = ("parameters", "provides", "state")
 """Columns with long cells. The others hold names, which are never wrapped."""
@@ -68,7 +68,7 @@ def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...], choice:
     """Print the skills as the tool list of a model's interface."""
     plugins = Plugins.discover(files, choice)
     ready = [skill for skill in plugins.skills.values() if skill.trained]
-    listed = publish(ready, form, reasoning=form != "mcp" if reasoning is None else reasoning)
+    listed = tool_list(ready, form, reasoning=form != "mcp" if reasoning is None else reasoning)
     click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
 
 

@@ -26,9 +26,9 @@ from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.agents import Observation, Verifier
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.feedback import Feedback
-from humanclaw.skills.aims import Grip
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
+from humanclaw.skills.gaze_grip_speech import Grip
 from humanclaw.skills.plan import Keyframes
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.pictures import jpeg

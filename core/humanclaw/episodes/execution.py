@@ -9,7 +9,7 @@ from humanclaw.records.feedback import Feedback, HandAim
 from humanclaw.records.steps import PlayedPart
 from humanclaw.skills.call import Call
 from humanclaw.skills.plan import Control
-from humanclaw.skills.posing import Part, about, kind_of
+from humanclaw.skills.plan_motion import Part, about, kind_of
 from humanclaw.world.simulator import Chunk
 
 Watcher = Callable[[Chunk], bool]

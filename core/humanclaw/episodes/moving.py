@@ -13,11 +13,11 @@ from humanclaw.motion.carrying import Arms
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.motion.stand_up import is_down, rise
 from humanclaw.records.feedback import HandAim
-from humanclaw.skills.aims import Gaze, Grip, Speech
 from humanclaw.skills.contract import Skill, untrained
+from humanclaw.skills.gaze_grip_speech import Gaze, Grip, Speech
 from humanclaw.skills.heading_correction import HeadingCorrection
 from humanclaw.skills.plan import Control
-from humanclaw.skills.posing import Part, arms_of, posed
+from humanclaw.skills.plan_motion import Part, arms_of, part_motion
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.skills.reaching import Reach
 from humanclaw.world.scene import Scene
@@ -129,7 +129,7 @@ class Playing:
         if isinstance(part, Grip) and (limit := self._mover.grip(part)):
             self.limits.append(limit)
         pose = self._mover.arms.pose(self._mover.history)
-        motion, limits = posed(part, pose, self._mover.arms.palms)
+        motion, limits = part_motion(part, pose, self._mover.arms.palms)
         self.limits += limits
         yield from self._played(motion)
         if isinstance(part, Reach):

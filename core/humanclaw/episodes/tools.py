@@ -11,11 +11,11 @@ from humanclaw.episodes.agents import EpisodeAgents, settled
 from humanclaw.errors import CallError
 from humanclaw.plugins.agents import EpisodeContext, Observation, Verifier
 from humanclaw.records.instructions import free_episode
+from humanclaw.skills.answer_parsing import read_call
 from humanclaw.skills.body_tool import LOOK, BodyTool, ToolResult
 from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.publishing import Json, tool_spec
-from humanclaw.skills.reading import read_call
+from humanclaw.skills.tool_schemas import Json, tool_spec
 from humanclaw.storage.pictures import jpeg
 from humanclaw.world.scene import Scene
 from humanclaw.world.view import CameraMount

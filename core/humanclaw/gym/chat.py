@@ -8,7 +8,7 @@ from humanclaw.gym.gym import Gym, Turn
 from humanclaw.prompting.prompts import step_content, system_message, system_prompt
 from humanclaw.prompting.settings import PromptSettings
 from humanclaw.records.decisions import Decision
-from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
+from humanclaw.skills.tool_schemas import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 
 TURNS: Final = PromptSettings(history=0)
 """The conversation itself holds the past steps, so the message of a step does not repeat them."""

@@ -23,8 +23,8 @@ from humanclaw.plugins.host import Plugins
 from humanclaw.records.decisions import Decision, Refusal
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.transition import Transition
+from humanclaw.skills.answer_parsing import read_call
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.reading import read_call
 from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import DistanceFn

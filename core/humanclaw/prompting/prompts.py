@@ -24,7 +24,7 @@ from humanclaw.prompting.settings import PromptSettings
 from humanclaw.records.success import REACHED
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Check, Skill, bounds, suited
-from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, parameter_schema, publish
+from humanclaw.skills.tool_schemas import OPTIONAL_FIELDS, Json, parameter_schema, tool_list
 from humanclaw.storage.pictures import data_url, jpeg
 from humanclaw.text.words import LONGEST
 from humanclaw.world.view import CameraMount, ego_camera
@@ -146,7 +146,7 @@ def system_prompt(
 def model_tools(skills: Sequence[Skill], settings: PromptSettings) -> list[Json]:
     """Return the skills as OpenAI tools behind the reasoning fields, which the system prompt explains."""
     asked: Json = {"mid_level": settings.mid_level, "brief": settings.brief, "optional": settings.optional}
-    return publish(skills, "openai", described=False, **asked)
+    return tool_list(skills, "openai", described=False, **asked)
 
 
 def system_message(words: str, settings: PromptSettings) -> Json:

@@ -12,8 +12,8 @@ from pydantic import Field
 
 from humanclaw.body.pose import FPS
 from humanclaw.records.decisions import Answer
-from humanclaw.skills.aims import Point, Side
 from humanclaw.skills.call import Call
+from humanclaw.skills.gaze_grip_speech import Point, Side
 from humanclaw.skills.proprioception import posture_of
 from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible

@@ -17,9 +17,9 @@ from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
 from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
-from humanclaw.skills.aims import Side
 from humanclaw.skills.call import Call
-from humanclaw.skills.posing import PartKind
+from humanclaw.skills.gaze_grip_speech import Side
+from humanclaw.skills.plan_motion import PartKind
 from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3

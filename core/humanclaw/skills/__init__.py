@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
-    from humanclaw.skills.aims import Side as Side
+    from humanclaw.skills.answer_parsing import (
+        Reasoning as Reasoning,
+        plain_name as plain_name,
+        read_answer as read_answer,
+        read_call as read_call,
+        read_objects as read_objects,
+        read_text as read_text,
+    )
     from humanclaw.skills.body_tool import BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
     from humanclaw.skills.contract import (
@@ -14,6 +21,8 @@ if TYPE_CHECKING:
         find_suited as find_suited,
         suited as suited,
     )
+    from humanclaw.skills.floor_scenes import HIPS as HIPS, floor_for as floor_for, floor_scene as floor_scene
+    from humanclaw.skills.gaze_grip_speech import Side as Side
     from humanclaw.skills.heading_correction import HeadingCorrection as HeadingCorrection
     from humanclaw.skills.measures import (
         MEASURES as MEASURES,
@@ -28,26 +37,7 @@ if TYPE_CHECKING:
         to_si as to_si,
     )
     from humanclaw.skills.plan import MotionError as MotionError
-    from humanclaw.skills.posing import Plan as Plan, parts as parts, posed as posed
-    from humanclaw.skills.publishing import (
-        REASONING_FIELDS as REASONING_FIELDS,
-        THOUGHTS as THOUGHTS,
-        Json as Json,
-        answer_schema as answer_schema,
-        call_schema as call_schema,
-        in_format as in_format,
-        parameter_schema as parameter_schema,
-        publish as publish,
-        reasoning_schema as reasoning_schema,
-    )
-    from humanclaw.skills.reading import (
-        Reasoning as Reasoning,
-        plain_name as plain_name,
-        read_answer as read_answer,
-        read_call as read_call,
-        read_objects as read_objects,
-        read_text as read_text,
-    )
+    from humanclaw.skills.plan_motion import Plan as Plan, part_motion as part_motion, parts as parts
     from humanclaw.skills.recipes import (
         Draw as Draw,
         Feet as Feet,
@@ -56,8 +46,18 @@ if TYPE_CHECKING:
         WindowTravel as WindowTravel,
     )
     from humanclaw.skills.regression import Regression as Regression
-    from humanclaw.skills.stages import HIPS as HIPS, bench as bench, stage as stage, stage_for as stage_for
     from humanclaw.skills.thoughts import split_thoughts as split_thoughts
+    from humanclaw.skills.tool_schemas import (
+        REASONING_FIELDS as REASONING_FIELDS,
+        THOUGHTS as THOUGHTS,
+        Json as Json,
+        answer_schema as answer_schema,
+        call_schema as call_schema,
+        in_format as in_format,
+        parameter_schema as parameter_schema,
+        reasoning_schema as reasoning_schema,
+        tool_list as tool_list,
+    )
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)

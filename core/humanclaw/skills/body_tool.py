@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from humanclaw.skills.publishing import Json
+from humanclaw.skills.tool_schemas import Json
 from humanclaw.storage.pictures import data_url, in_base64
 
 LOOK: Final = "look"

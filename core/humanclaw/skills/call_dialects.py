@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
-from humanclaw.skills.publishing import Json
+from humanclaw.skills.tool_schemas import Json
 
 Pairs = list[tuple[str, Any]]
 _JSON: Final = r"\s{0,9}(?:(?:<\|constrain\|>)?\w{1,20})?<\|message\|>"

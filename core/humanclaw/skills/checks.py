@@ -19,7 +19,7 @@ from humanclaw.errors import ContractError, PluginError
 from humanclaw.skills.adapter_checks import ANY, Faults, Priors, Subject, misfits
 from humanclaw.skills.contract import Skill, faults_of, read_checks
 from humanclaw.skills.measures import MEASURES, ROLES, Measure, Parameter, read_schema, si_unit
-from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS
+from humanclaw.skills.tool_schemas import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS
 
 CHECKS: Final[Mapping[str, str]] = {
     # Name and schema.

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from humanclaw.errors import CallError, CheckpointError, ContractError, PluginError
 from humanclaw.skills.measures import Parameter, Role, from_si, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.plan import LONGEST_FAULT, Control
-from humanclaw.skills.posing import Part, Plan, parts
+from humanclaw.skills.plan_motion import Part, Plan, parts
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.files import read_file
 

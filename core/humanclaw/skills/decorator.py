@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from humanclaw.errors import PluginError
 from humanclaw.skills.contract import Check, Skill
 from humanclaw.skills.measures import Role
-from humanclaw.skills.posing import Plan
+from humanclaw.skills.plan_motion import Plan
 from humanclaw.skills.proprioception import ProprioceptiveState
 
 F = TypeVar("F", bound=Callable[..., Plan])

@@ -24,7 +24,7 @@ from humanclaw.body.pose import (
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, STANDING_HEIGHT
 from humanclaw.motion.carrying import turned_palm
 from humanclaw.motion.leg_ik import keep_feet
-from humanclaw.skills.aims import Point, Side, between, check_aim, check_hand
+from humanclaw.skills.gaze_grip_speech import Point, Side, between, check_aim, check_hand
 from humanclaw.skills.plan import whole_chunks
 from humanclaw.skills.proprioception import ProprioceptiveState
 

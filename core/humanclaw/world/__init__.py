@@ -50,8 +50,8 @@ if TYPE_CHECKING:
         back_of as back_of,
         seat_of as seat_of,
     )
+    from humanclaw.world.meshes.mesh_files import MODEL_BYTES as MODEL_BYTES, read_model as read_model
     from humanclaw.world.meshes.parts import Part as Part, bounds as bounds
-    from humanclaw.world.meshes.reading import MODEL_BYTES as MODEL_BYTES, read_model as read_model
     from humanclaw.world.meshes.shaping import (
         base_of as base_of,
         lightened as lightened,

@@ -29,7 +29,7 @@ from pydantic import BaseModel, ConfigDict
 from humanclaw import Skill, StepRecord
 from humanclaw.body import JOINTS, Pose2D
 from humanclaw.records import ALIASES, FLOOR_THRESHOLD, SEATS
-from humanclaw.skills import bounds, parameter_schema, publish
+from humanclaw.skills import bounds, parameter_schema, tool_list
 from humanclaw.storage import jpeg
 from humanclaw_mcp.session import Settings, Snapshot
 
@@ -69,7 +69,7 @@ def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
     ready = [skill for skill in skills if skill.trained]
     schema = Outcome.model_json_schema()
     acting = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=False)
-    specs = publish(ready, "mcp", reasoning=settings.reasoning)
+    specs = tool_list(ready, "mcp", reasoning=settings.reasoning)
     moving = [
         Tool(**_snake(spec), output_schema=schema, annotations=acting, title=_title(spec["name"])) for spec in specs
     ]

@@ -11,7 +11,7 @@ from tiny_motion import write_adapter
 from humanclaw import CheckpointError, PluginError
 from humanclaw.body import STANDING_HEIGHT, Motion, Pose2D, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
-from humanclaw.skills import HIPS, stage, stage_for
+from humanclaw.skills import HIPS, floor_for, floor_scene
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.eval.fidelity import FidelityReport, achieved, baseline, measured, rows_table
 from humanclaw_train.eval.rollouts import Command, Rollouts
@@ -166,7 +166,7 @@ def test_what_the_body_glides_on_a_flat_floor_is_what_it_achieves(simulator, sti
 
 
 def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
-    scene = stage(stage_for(declaration("sit_in_place"), {"h": 0.5}))
+    scene = floor_scene(floor_for(declaration("sit_in_place"), {"h": 0.5}))
     _, high = scene.aabb(2)
     assert high[1] == pytest.approx(0.5 - HIPS)
     assert high[2] < -0.11  # Behind the hips of a body that stands before it.
@@ -174,7 +174,7 @@ def test_a_seat_is_as_high_as_the_hips_that_sit_on_it():
 
 @pytest.mark.parametrize(("skill", "sign"), [("climb_upstairs", 1), ("walk_downstairs", -1)])
 def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
-    scene = stage(stage_for(declaration(skill), {"h": 0.17, "d": 0.28}, 3))
+    scene = floor_scene(floor_for(declaration(skill), {"h": 0.17, "d": 0.28}, 3))
     boxes = [scene.aabb(obj.id) for obj in scene.of_category("stairs")]
     boxes = boxes[:3]
     assert [high[1] for _, high in boxes] == pytest.approx([sign * 0.17 * k for k in (1, 2, 3)], abs=1e-6)
@@ -184,10 +184,10 @@ def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
 
 def test_a_body_keeps_the_pose_of_its_history_in_the_next_scene(simulator, still):
     actor = Actor(_backwards(0.2), simulator)
-    actor.stand(stage())
+    actor.stand(floor_scene())
     actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))
     assert actor.simulated.root[-1, 2] == pytest.approx(-0.2, abs=0.02)
-    actor.move_to(stage(stage_for(declaration("sit_in_place"), {"h": 0.5})))
+    actor.move_to(floor_scene(floor_for(declaration("sit_in_place"), {"h": 0.5})))
     assert actor.simulated.root[-1] == pytest.approx([0, STANDING_HEIGHT, 0], abs=0.02)
 
 

@@ -24,9 +24,9 @@ class Playback(Simulation):
         """Put each body into each frame of its motion, world frame, and report what it is inside of."""
         contacts: list[list[Contact]] = [[] for _ in motions]
         for frame, poses in enumerate(zip(*map(poses_of, motions), strict=True)):
-            for figure, pose in zip(self.figures, poses, strict=True):
-                figure.world.move(pose.root, pose.quaternions[0], _AT_REST, _AT_REST)
-                figure.world.bend(pose.quaternions[1:], np.zeros((len(pose.quaternions) - 1, 3)))
+            for body, pose in zip(self.bodies, poses, strict=True):
+                body.world.move(pose.root, pose.quaternions[0], _AT_REST, _AT_REST)
+                body.world.bend(pose.quaternions[1:], np.zeros((len(pose.quaternions) - 1, 3)))
             for own, met in zip(contacts, self._each(self.world.overlaps()), strict=True):
                 own += self._contacts(frame, met)
         return tuple(

@@ -13,7 +13,7 @@ from humanclaw.body.pose import FPS, Array, Motion
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.errors import HumanclawError
 from humanclaw.world.half_physics.broad_phase import BroadPhase
-from humanclaw.world.half_physics.figure import Command, Figure
+from humanclaw.world.half_physics.driven_body import Command, DrivenBody
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
 from humanclaw.world.half_physics.skeleton import LINK_OF
@@ -39,7 +39,7 @@ class Simulation:
         self.world, self._profile, self._broad_phase = worlds[0], profile, broad_phase
         self._scene = scene = broad_phase.scene
         self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
-        self.figures = [Figure(*one, profile, scene) for one in zip(worlds, poses, strict=True)]
+        self.bodies = [DrivenBody(*one, profile, scene) for one in zip(worlds, poses, strict=True)]
         self._movable = {scene_object.id for scene_object in scene.objects if scene_object.movable}
         self._objects, self._restless = self.world.objects(), True
         self._still: Mapping[int, Array] | None = None
@@ -52,40 +52,40 @@ class Simulation:
         Raises HumanclawError for another number of motions than of bodies, or motions of different lengths.
         """
         lengths = [len(motion) for motion in motions]
-        if len(motions) != len(self.figures) or len(set(lengths)) > 1:
+        if len(motions) != len(self.bodies) or len(set(lengths)) > 1:
             raise HumanclawError(
-                f"the world holds {len(self.figures)} bodies, and they move together; got motions of {lengths} frames.",
+                f"the world holds {len(self.bodies)} bodies, and they move together; got motions of {lengths} frames.",
                 "Give each body a motion, all of one length.",
             )
         began, touches, paths = self._objects, list[tuple[int, int, int]](), list[Mapping[int, Array]]()
         simulated: list[list[Pose]] = [[] for _ in motions]
         contacts: list[list[Contact]] = [[] for _ in motions]
-        commands = [self._commands(*pair) for pair in zip(self.figures, motions, strict=True)]
+        commands = [self._commands(*pair) for pair in zip(self.bodies, motions, strict=True)]
         for frame, now in enumerate(zip(*commands, strict=True)):
             for number, met in enumerate(self.frame(now)):
-                simulated[number].append(self.figures[number].drive.pose)
+                simulated[number].append(self.bodies[number].drive.pose)
                 contacts[number] += self._contacts(frame, met)
             touches += self._touches(frame)
             paths.append(self._objects)
         moved, ways = _moved(began, paths), [motion_of(poses) for poses in simulated]
         return tuple(
-            Execution(way, tuple(met), tuple(touches), moved, figure.hands.held, people=others_of(number, ways))
-            for number, (way, met, figure) in enumerate(zip(ways, contacts, self.figures, strict=True))
+            Execution(way, tuple(met), tuple(touches), moved, body.hands.held, people=others_of(number, ways))
+            for number, (way, met, body) in enumerate(zip(ways, contacts, self.bodies, strict=True))
         )
 
     @staticmethod
-    def _commands(figure: Figure, motion: Motion) -> list[Command]:
-        figure.hands.tidy()
-        roots = np.concatenate([figure.drive.pose.root[None], motion.root])
-        swings = figure.drive.swings(motion).tolist()
+    def _commands(body: DrivenBody, motion: Motion) -> list[Command]:
+        body.hands.tidy()
+        roots = np.concatenate([body.drive.pose.root[None], motion.root])
+        swings = body.drive.swings(motion).tolist()
         return list(map(Command, poses_of(motion), np.diff(roots, axis=0) * FPS, swings))
 
     def states(self) -> tuple[WorldState, ...]:
         """Return the pose of each body and of every movable object, now."""
-        poses = [motion_of([figure.world.pose()]) for figure in self.figures]
+        poses = [motion_of([body.world.pose()]) for body in self.bodies]
         return tuple(
-            WorldState(pose, self._objects, figure.hands.held, people=others_of(number, poses))
-            for number, (pose, figure) in enumerate(zip(poses, self.figures, strict=True))
+            WorldState(pose, self._objects, body.hands.held, people=others_of(number, poses))
+            for number, (pose, body) in enumerate(zip(poses, self.bodies, strict=True))
         )
 
     def overlaps(self) -> list[list[Contact]]:
@@ -94,24 +94,24 @@ class Simulation:
 
     def frame(self, commands: Sequence[Command]) -> Met:
         """One frame of physics; everything that each body touched in any of its substeps."""
-        met: list[list[Touch]] = [[] for _ in self.figures]
-        held = [key for figure in self.figures for key in figure.hands.held.values()]
-        courses = [figure.aim(command) for figure, command in zip(self.figures, commands, strict=True)]
-        for figure, course in zip(self.figures, courses, strict=True):
-            figure.look(self._broad_phase, course, self._objects, held)
+        met: list[list[Touch]] = [[] for _ in self.bodies]
+        held = [key for body in self.bodies for key in body.hands.held.values()]
+        courses = [body.aim(command) for body, command in zip(self.bodies, commands, strict=True)]
+        for body, course in zip(self.bodies, courses, strict=True):
+            body.look(self._broad_phase, course, self._objects, held)
         between = self._broad_phase.between(courses) if len(courses) > 1 else 0.0
         for substep in range(self._profile.substeps):
-            speeds = [figure.command(substep) for figure in self.figures]
+            speeds = [body.command(substep) for body in self.bodies]
             # A late limb is no hurry here: without CATCH_UP links of two bodies enter one another by 7 mm at most.
             together = min(sum(free for free, _ in speeds), between * FPS)
             touches = self._step(max(together, *(towards for _, towards in speeds)))
-            for figure, own, all_own in zip(self.figures, touches, met, strict=True):
-                figure.settle(own)
+            for body, own, all_own in zip(self.bodies, touches, met, strict=True):
+                body.settle(own)
                 all_own += own
-        for figure in self.figures:
-            if figure.hands.held:
-                figure.hands.let_slip(figure.drive.pose)
-        if held or self._restless or any(figure.near for figure in self.figures):
+        for body in self.bodies:
+            if body.hands.held:
+                body.hands.let_slip(body.drive.pose)
+        if held or self._restless or any(body.near for body in self.bodies):
             # Else nothing moves, and to read every place takes long.
             before, self._objects = self._objects, self.world.objects()
             self._restless = self._objects is not before
@@ -126,14 +126,14 @@ class Simulation:
         """
         seconds = 1 / (FPS * self._profile.substeps)
         parts = min(max(1, math.ceil(speed * seconds / TRAVEL)), self._profile.max_looks)
-        touches: list[Sequence[Touch]] = [()] * len(self.figures)
-        felt: list[list[Touch]] = [[] for _ in self.figures]
+        touches: list[Sequence[Touch]] = [()] * len(self.bodies)
+        felt: list[list[Touch]] = [[] for _ in self.bodies]
         several = len(felt) > 1
         for part in range(parts):
-            for figure in self.figures:
-                figure.brace((part + 1) * seconds / parts, seconds / parts)
+            for body in self.bodies:
+                body.brace((part + 1) * seconds / parts, seconds / parts)
             for number, met in enumerate(self._each(self.world.step(seconds / parts))):
-                self.figures[number].bound(met, seconds / parts)
+                self.bodies[number].bound(met, seconds / parts)
                 touches[number] = met or touches[number]
                 if several:
                     felt[number] += met
@@ -143,9 +143,9 @@ class Simulation:
 
     def _each(self, touches: Sequence[Touch]) -> Met:
         """Return the contacts of each body."""
-        if len(self.figures) == 1:
+        if len(self.bodies) == 1:
             return [touches]
-        return [[touch for touch in touches if touch.body == number] for number in range(len(self.figures))]
+        return [[touch for touch in touches if touch.body == number] for number in range(len(self.bodies))]
 
     def _stand_firm(self, felt: Met) -> None:
         """Move bodies that met back together, as far as one has pushed the other in the step: both are as strong, and
@@ -153,13 +153,13 @@ class Simulation:
 
         felt: the contacts of each body in all parts of the step.
         """
-        for one, other in combinations(range(len(self.figures)), 2):
+        for one, other in combinations(range(len(self.bodies)), 2):
             met = [touch for touch in felt[one] if touch.object_id == person_id(other) and touch.force > 0.0]
             if not met:
                 continue
             push = np.array([touch.normal for touch in met]).T @ [touch.force for touch in met] * _LEVEL
             way = push / max(float(np.linalg.norm(push)), 1e-12)
-            drives = self.figures[one].drive, self.figures[other].drive
+            drives = self.bodies[one].drive, self.bodies[other].drive
             back = -sum(drive.pushed(way) for drive in drives) / (FPS * self._profile.substeps) * way
             if not any(_holds(touch, back) for touch in (*felt[one], *felt[other])):
                 for drive in drives:

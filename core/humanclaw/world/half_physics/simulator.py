@@ -11,7 +11,7 @@ from humanclaw.body.pose import Motion, Pose2D, rest_pose
 from humanclaw.body.skeleton import Side
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.world.half_physics.broad_phase import BroadPhase
-from humanclaw.world.half_physics.figure import Command
+from humanclaw.world.half_physics.driven_body import Command
 from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.half_physics.quaternions import Pose, poses_of
 from humanclaw.world.half_physics.rest import at_rest
@@ -150,7 +150,7 @@ class HalfPhysics:
 
         Raises HumanclawError before the first reset.
         """
-        self._loaded().figures[body].hands.grip(side, closed)
+        self._loaded().bodies[body].hands.grip(side, closed)
 
     def close(self) -> None:
         """Free the world; a closed simulator can be reset again."""
@@ -179,8 +179,8 @@ def _refuse_overlap(simulation: Simulation, scene: Scene, starts: Sequence[Pose2
 def _settle(simulation: Simulation, poses: Sequence[Pose], scene: Scene, starts: Sequence[Pose2D]) -> None:
     for _ in range(_SETTLE_FRAMES):
         simulation.frame([Command.still(pose) for pose in poses])
-    for figure, pose, start in zip(simulation.figures, poses, starts, strict=True):
-        drift = figure.world.pose().root - pose.root
+    for body, pose, start in zip(simulation.bodies, poses, starts, strict=True):
+        drift = body.world.pose().root - pose.root
         if not np.abs(drift).max() <= _MAX_DRIFT:  # NaN, of a start that is none, is no drift within bounds either.
             raise SceneError(
                 f"the body does not stay on its start {_say(start)} of scene {scene.name!r}: it moved by "

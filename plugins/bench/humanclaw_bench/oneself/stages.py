@@ -19,7 +19,7 @@ from humanclaw import Plugins, Reach, Scene, SceneError
 from humanclaw.body import HISTORY, Array, Pose2D, rest_pose, skin, yaw_matrix
 from humanclaw.motion import DiTGenerator
 from humanclaw.records import Vec3
-from humanclaw.skills import posed
+from humanclaw.skills import part_motion
 from humanclaw.world import Mesh, SceneBuilder, box_mesh, ego_camera
 
 BESIDE: Final = np.radians(75.0)
@@ -95,7 +95,7 @@ def _hands(on: Set, side: float, *at: float) -> None:
     """
     left, up, ahead, *cube = at
     reach = Reach("right" if side > 0 else "left", (left - side, up, ahead), seconds=0.5)
-    pose, _ = posed(reach, rest_pose(HISTORY))
+    pose, _ = part_motion(reach, rest_pose(HISTORY))
     on.person(skin().posed(pose.root[-1], pose.rotations[-1])[0], (side, 0.0, 0.0))
     on.cube((cube[0], cube[1], cube[2]))
 

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from humanclaw import Backends, Body, Call, Motion, Renderer, Scene, Skill
 from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import Role, find_suited, stage, stage_for
+from humanclaw.skills import Role, find_suited, floor_for, floor_scene
 from humanclaw.storage import save_picture
 from humanclaw.world import Camera, SceneBuilder, WorldState, together
 
@@ -126,7 +126,7 @@ def prior(plugins: Plugins, seed: int) -> Rows:
     alone, led = _dreamt(None, {}, seed), _dreamt(walk.adapter, asked, seed)
     shown = ("the prior alone", alone), (f"with the adapter: walk {STRIDE} cm", led)
     view = (-5.0, 2.2, 3.0), (0.0, 0.7, 0.1), 30, 430, 1 / 2
-    return [[Panel(f"{title}, {BODIES} seeds", stage(), poses, *view) for title, poses in shown]]
+    return [[Panel(f"{title}, {BODIES} seeds", floor_scene(), poses, *view) for title, poses in shown]]
 
 
 def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Motion:
@@ -143,7 +143,7 @@ def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Mot
 def stride(plugins: Plugins, seed: int) -> Rows:
     """Draw a walk along a ruler whose marks are one commanded stride apart."""
     walk = _call(_skill(plugins, *_WALK), hips_forward=STRIDE)
-    motion = _acted(plugins, stage(), [walk] * STRIDES, seed)
+    motion = _acted(plugins, floor_scene(), [walk] * STRIDES, seed)
     hips = _ends(motion).root[:, 2]
     builder, marks, middle = SceneBuilder.on_floor(), np.arange(STRIDES + 1) * STRIDE / 100, STRIDES * STRIDE / 200
     builder.box("ruler", (0.22, 0.01, 2 * middle + 0.3), (-0.6, 0, middle), (246, 236, 206))
@@ -166,7 +166,7 @@ def loop(plugins: Plugins, seed: int) -> Rows:
         (_call(back, hips_back=40), 6, "#15803d"),
         (_call(side, hips_left=-40), 6, "#be185d"),
     )
-    motion = _acted(plugins, stage(), [call for call, count, _ in sides for _ in range(count)], seed)
+    motion = _acted(plugins, floor_scene(), [call for call, count, _ in sides for _ in range(count)], seed)
     corners = HISTORY - 1 + FUTURE * np.cumsum([0, *(count for _, count, _ in sides)])
     ground = motion.root * [1, 0, 1]
     lines = [
@@ -178,14 +178,14 @@ def loop(plugins: Plugins, seed: int) -> Rows:
     seams = corners[1:-1, None] + [-2, -1, 0]
     seam, other = jolts[seams].max(), np.delete(jolts, seams).max()
     title = f"Joints accelerate by at most {seam:.1f} g where skills change, {other:.1f} g elsewhere"
-    return [[Panel(title, stage(), _ends(motion, 2), (-4.0, 4.4, 6.6), (1.2, 0.5, 1.05), 27, 600, lines=lines)]]
+    return [[Panel(title, floor_scene(), _ends(motion, 2), (-4.0, 4.4, 6.6), (1.2, 0.5, 1.05), 27, 600, lines=lines)]]
 
 
 def seats(plugins: Plugins, seed: int) -> Rows:
     """Draw sitting at several heights, each on a seat that fits."""
     skill, stop, panels = _skill(plugins, "hips.height", role="sit"), _skill(plugins, role="stop"), []
     for height in SEATS:
-        scene = stage(stage_for(skill, {"h": height / 100}))
+        scene = floor_scene(floor_for(skill, {"h": height / 100}))
         motion = _acted(plugins, scene, [_call(skill, hips_height=height), _call(stop)], seed)
         title = f"sit {height} cm: hips at {100 * motion.root[-1, 1]:.0f} cm"
         panels.append(Panel(title, scene, motion[-1:], (-4.2, 1.7, 3.0), (0.0, 0.6, -0.1), 22, 420, 1 / 3))

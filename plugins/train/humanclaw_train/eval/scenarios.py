@@ -34,7 +34,7 @@ from humanclaw.body import (
     root_jerk,
 )
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import stage, stage_for, suited
+from humanclaw.skills import floor_for, floor_scene, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, walks
 from humanclaw_train.eval.measures import SEAM
@@ -213,7 +213,7 @@ def _played(plugins: Plugins, command: Command, before: Sequence[Command], key: 
     """Call a skill three times in half-physics. On a flat floor every second body has called another skill before."""
     random, index = np.random.default_rng(key), key[1]
     values = command.draw(1, random)[0]
-    scene = stage(stage_for(command.declaration, command.named(values), CHUNKS_IN_A_ROW))
+    scene = floor_scene(floor_for(command.declaration, command.named(values), CHUNKS_IN_A_ROW))
     with Body(scene, seed=index, plugins=plugins) as body:
         if before and index % 2 and len(scene.objects) == 1:
             other = before[index // 2 % len(before)]

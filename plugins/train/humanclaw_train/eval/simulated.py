@@ -17,7 +17,7 @@ from tqdm import tqdm
 from humanclaw import Motion, Scene, stand
 from humanclaw.body import CHUNK, Array, Pose2D, next_history, re_rooted
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import stage, stage_for
+from humanclaw.skills import floor_for, floor_scene
 from humanclaw_train.data.chunks import canonical, stacked
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
@@ -75,8 +75,8 @@ def roll_simulated(
         # Every second rollout follows another skill, each of them in turn.
         other = before[index // 2 % len(before)] if before and index % 2 else None
         asked = _commands(command, random)
-        place = stage(stage_for(command.declaration, command.named(asked[0]), CHUNKS_IN_A_ROW))
-        actor.stand(stage() if other else place)
+        place = floor_scene(floor_for(command.declaration, command.named(asked[0]), CHUNKS_IN_A_ROW))
+        actor.stand(floor_scene() if other else place)
         if other:
             actor.act(other, other.draw(1, random)[0], (seed, index, 0))
             if command.declaration.climbs or command.declaration.role == "sit":

@@ -11,7 +11,7 @@ import numpy as np
 from humanclaw import Motion
 from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import MEASURES, HeadingCorrection, from_si, stage
+from humanclaw.skills import MEASURES, HeadingCorrection, floor_scene, from_si
 from humanclaw_train.data.chunks import canonical, stacked
 from humanclaw_train.eval.measures import SPEED, gait
 from humanclaw_train.eval.rollouts import Command, Subject, extend
@@ -42,7 +42,7 @@ def _physical_walk(
     actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]
 ) -> Motion:
     """Call a skill again and again in half-physics, from standing."""
-    actor.stand(stage(f"side={_FLOOR}"))
+    actor.stand(floor_scene(f"side={_FLOOR}"))
     _corrected(
         command, asked, calls, lambda call, rows: actor.act(command, rows[0], (*key, call)), lambda: [actor.simulated]
     )

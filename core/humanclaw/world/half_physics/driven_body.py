@@ -34,7 +34,7 @@ class Command(NamedTuple):
         return cls(pose, np.zeros(3))
 
 
-class Figure:
+class DrivenBody:
     """A body on its way: its drive, its hands, the bounds of its pushes, and its reflexes."""
 
     def __init__(self, world: World, pose: Pose, profile: Profile, scene: Scene) -> None:

@@ -24,8 +24,8 @@ from typing import Any, Final
 from humanclaw.errors import CallError
 from humanclaw.skills.call import Call
 from humanclaw.skills.call_dialects import ARGUMENTS, NAME, end_of_text, is_padding, written_calls
-from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 from humanclaw.skills.thoughts import split_thoughts
+from humanclaw.skills.tool_schemas import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 from humanclaw.text.json import DEEPEST, LARGEST, once
 from humanclaw.text.words import LONGEST
 

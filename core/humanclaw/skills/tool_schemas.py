@@ -71,7 +71,7 @@ _GEMINI_WORDS: Final = frozenset(
 )
 
 
-# -- publishing --------------------------------------------------------------------------------------------------------
+# -- tool lists --------------------------------------------------------------------------------------------------------
 def reasoning_schema(mid_level: bool = True, described: bool = True, optional: Sequence[str] = ()) -> Json:
     """Return the reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
 
@@ -102,7 +102,7 @@ def tool_spec(
     return {"name": skill.name, "description": skill.description, "parameters": parameters}
 
 
-def publish(
+def tool_list(
     skills: Iterable[Skill],
     format: Format,  # noqa: A002
     mid_level: bool = True,

@@ -12,7 +12,7 @@ from humanclaw.body.ik import SIDES
 from humanclaw.body.limits import within_limits
 from humanclaw.body.pose import FPS, FUTURE, Array, Motion, Pose2D, smoothstep
 from humanclaw.motion.carrying import ARM
-from humanclaw.skills.aims import Gaze, Grip, Side, Speech, eased
+from humanclaw.skills.gaze_grip_speech import Gaze, Grip, Side, Speech, eased
 from humanclaw.skills.plan import LONGEST_FAULT, Control, Keyframes, MotionError, check_duration, whole_chunks
 from humanclaw.skills.reaching import Reach
 
@@ -78,7 +78,7 @@ def arms_of(part: Part) -> frozenset[Side]:
     return frozenset(SIDES if isinstance(part, Motion) else ())
 
 
-def wanted(part: Posed, pose: Motion, palms: Mapping[Side, Array] = MappingProxyType({})) -> Motion:
+def unlimited_motion(part: Posed, pose: Motion, palms: Mapping[Side, Array] = MappingProxyType({})) -> Motion:
     """Return the motion of a part over the last frame of a pose, whatever the limits of joints. palms: turns (3, 3) in
     the frame of the heading that palms keep, by side."""
     if isinstance(part, Reach):
@@ -86,7 +86,7 @@ def wanted(part: Posed, pose: Motion, palms: Mapping[Side, Array] = MappingProxy
     return _entered(part, pose) if isinstance(part, Motion) else part.over(pose)
 
 
-def posed(
+def part_motion(
     part: Posed, pose: Motion, palms: Mapping[Side, Array] = MappingProxyType({})
 ) -> tuple[Motion, tuple[str, ...]]:
     """Return the motion of a part over the last frame of a pose, within the limits of joints, and what it could not do.
@@ -95,7 +95,7 @@ def posed(
     short is felt afterwards."""
     if isinstance(part, Speech):
         return part.over(pose), ()
-    motion, stopped = within_limits(wanted(part, pose, palms), pose[-1:])
+    motion, stopped = within_limits(unlimited_motion(part, pose, palms), pose[-1:])
     limits = [f"your {joint.replace('_', ' ')} turns no further" for joint in stopped]
     short = part.short(pose, motion) if isinstance(part, Gaze) else ""
     return motion, tuple(filter(None, (*limits, short)))

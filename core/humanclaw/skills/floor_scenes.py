@@ -1,4 +1,4 @@
-"""Stages: a tiled floor with the stairs or the seat that a call needs, as scenes that a reference names.
+"""Floor scenes: a tiled floor with the stairs or the seat that a call needs, as scenes that a reference names.
 
 floor                  the floor alone
 floor:side=240         a larger one, metres
@@ -51,7 +51,7 @@ _TEXELS: Final = 800
 _WOOD, _STONE, _PLASTER = (176, 132, 92), (168, 160, 150), (226, 223, 214)
 
 
-def stage_for(skill: Skill, values: Mapping[str, float], calls: int = 1) -> str:
+def floor_for(skill: Skill, values: Mapping[str, float], calls: int = 1) -> str:
     """Return what a skill needs, as the argument of the scene `floor`; empty for the floor alone.
 
     Skills that command a rise or drop of the hips get stairs of as many steps as calls. Skills that sit get a seat.
@@ -67,7 +67,7 @@ def stage_for(skill: Skill, values: Mapping[str, float], calls: int = 1) -> str:
     return f"sit={asked.get('hips.height', _SEATED)!r}" if skill.role == "sit" else ""
 
 
-def stage(argument: str = "") -> Scene:
+def floor_scene(argument: str = "") -> Scene:
     """Return the scene of an argument. The body is at the origin, faces +Z, and the floor is at 0.
 
     Raises SceneError for an argument that is none of those above.
@@ -85,11 +85,6 @@ def stage(argument: str = "") -> Scene:
     scene = builder.scene()
     assets = {key: _tiled(asset) if asset.category == FLOOR else asset for key, asset in scene.assets.items()}
     return replace(scene, assets=assets, name=f"{FLOOR}:{argument}" if argument else FLOOR)
-
-
-def bench(top: float) -> Scene:
-    """Return the stage with a bench of this height, metres, behind the body."""
-    return stage(f"sit={top + HIPS!r}")
 
 
 # -- what stands on the floor ------------------------------------------------------------------------------------------
