@@ -27,7 +27,7 @@ from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.errors import HumanclawError, SceneError, passed_interrupts
 from humanclaw.plugins.host import Plugins
-from humanclaw.skills.aims import Grip
+from humanclaw.skills.gaze_grip_speech import Grip
 from humanclaw.world.navigation.approach import voice_distance
 from humanclaw.world.navigation.search import MultiFloorMap
 from humanclaw.world.scene import Scene
