@@ -13,9 +13,9 @@ from humanclaw.skills import Side
 from humanclaw.world import SceneObject, Viewpoint
 from humanclaw_scripted.actions import answering
 from humanclaw_scripted.arms import Script
-from humanclaw_scripted.carrying import Carrying
 from humanclaw_scripted.ground_truth import BodyView
 from humanclaw_scripted.handles import GRIPS, HOOKS, Handle
+from humanclaw_scripted.pick_and_place import PickAndPlaceOracle
 
 _LOOK: Final = (1.2, 1.6)
 """Metres from the hips to the middle of furniture to look into."""
@@ -23,7 +23,7 @@ _OPEN: Final = 0.1
 """Share of the way by which a door or a drawer is opened farther than it has to be; a lid comes up with a step back."""
 
 
-class HandyOracle(Carrying):
+class HandyOracle(PickAndPlaceOracle):
     """The oracle, with hands for episodes that have a goal for them: it carries, opens and answers."""
 
     def _play(self) -> Script:

@@ -15,6 +15,7 @@ from humanclaw.records import Difficulty, route_difficulty, write_episodes
 from humanclaw.world import DistanceField, MultiFloorMap, goals_at
 from humanclaw_bench.cli import bench
 from humanclaw_bench.difficulty import TIERS, overall, tiers
+from humanclaw_bench.difficulty_cli import COLOURS, histogram, typical
 from humanclaw_bench.splits import (
     BETWEEN,
     DEV_HOUSES,
@@ -31,7 +32,6 @@ from humanclaw_bench.splits import (
     secret_houses,
     spaced,
 )
-from humanclaw_bench.tiers import COLOURS, histogram, typical
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body import FPS, JOINT_INDEX, SOLE, TOE_SOLE, Array, Side, matrix_from_vector, vector_from_matrix
 from humanclaw.motion import SIDES
-from humanclaw_train.mocap.posing import LEG, STRAIGHT, Pose, reach_ankle, swing
+from humanclaw_train.mocap.world_pose import LEG, STRAIGHT, Pose, reach_ankle, swing
 
 _CONTACT_SPEED: Final = 0.25
 """A toe base slower than this stands, m/s. Measured: standing feet move at 0.06 m/s, swinging feet above 1 m/s."""

@@ -17,9 +17,9 @@ import numpy as np
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, matrix_from_vector
 from humanclaw_train.mocap.asf import load_amc, skeleton_of
 from humanclaw_train.mocap.bvh import load_bvh
-from humanclaw_train.mocap.posing import swing
 from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, SourceMotion, Tree, read_text
 from humanclaw_train.mocap.up_axis import Up, stood_up
+from humanclaw_train.mocap.world_pose import swing
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from humanclaw.body import FPS, JOINT_INDEX, JOINTS, OFFSETS, PARENTS, Array, su
 from humanclaw.motion import SIDES
 from humanclaw_train.mocap.foot_contacts import plant
 from humanclaw_train.mocap.joint_maps import naming_of
-from humanclaw_train.mocap.posing import LEG, Pose, hinge_of, reach_ankle, swing, unit
 from humanclaw_train.mocap.source_motion import MocapError, Rest, SourceMotion
+from humanclaw_train.mocap.world_pose import LEG, Pose, hinge_of, reach_ankle, swing, unit
 
 _BONES: Final = {  # The joint that turns a bone, to the joint at the bone's far end.
     f"{side}_{near}": f"{side}_{far}"

@@ -9,8 +9,8 @@ import numpy as np
 from humanclaw.body import Array
 from humanclaw.motion import SIDES
 from humanclaw_train.mocap.joint_maps import naming_of
-from humanclaw_train.mocap.posing import swing
 from humanclaw_train.mocap.source_motion import AXES, MocapError, SourceMotion
+from humanclaw_train.mocap.world_pose import swing
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 

@@ -9,7 +9,7 @@ import pytest
 from manifests import invoke
 from scipy import stats
 
-from humanclaw_bench.power import Assumption, markdown, power, smallest
+from humanclaw_bench.power_analysis import Assumption, markdown, power, smallest
 from humanclaw_bench.statistics import SIGNIFICANT
 
 VAL, MINI = (30,) * 41, (2,) * 23 + (3,) * 18

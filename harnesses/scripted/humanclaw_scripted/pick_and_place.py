@@ -54,7 +54,7 @@ _HOVER: Final = 0.14
 """Metres of a hand above where it takes a thing, and of a thing above where it lays it down."""
 
 
-class Carrying(ArmedOracle):
+class PickAndPlaceOracle(ArmedOracle):
     """Carries a thing to a piece of furniture."""
 
     def _carry(self, thing: int, place: int) -> Script:
