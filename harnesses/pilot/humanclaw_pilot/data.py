@@ -80,18 +80,18 @@ def played(plugins: Plugins, agent: str, options: Mapping[str, Any], first: int,
     Seeds without a task there are left out."""
     with Gym("train", options={"first": first, "houses": 1}, plugins=plugins) as gym:
         for seed in seeds:
-            mind = plugins.make("agents", agent, options)
+            teacher = plugins.make("agents", agent, options)
             try:
                 turn = gym.reset(seed)
             except TaskError:
                 continue
             episode = gym.episode
-            mind.begin(gym.context)
+            teacher.begin(gym.context)
             while not turn.done and len(episode.steps) < steps:
                 body = episode.body
                 pose, floor = body.state().body[-1:], Pose2D.of(body.history).floor
                 yield example(body.view(), body.scene, ego_camera(pose), floor), pose
-                turn = gym.submit(mind.decide(turn.observation, episode.history))
+                turn = gym.submit(teacher.decide(turn.observation, episode.history))
 
 
 # -- random places -----------------------------------------------------------------------------------------------------

@@ -143,18 +143,18 @@ class Models:
                 ) from error
         return self.digests[path]
 
-    def _parts(self, path: Path, template: Template, what: str = "visual", mover: str = "") -> list[Part]:
+    def _parts(self, path: Path, template: Template, what: str = "visual", moving: str = "") -> list[Part]:
         """Return everything in a model file, rotated so that its up is +Y and its front -Z.
 
-        what: 'visual' or 'collision', which elements of a URDF's links to read. mover: the link whose links are read.
+        what: 'visual' or 'collision', which elements of a URDF's links to read. moving: the link whose links are read.
         """
         turn = axes(template.up, template.front)
-        parts = self._links(path, what, mover) if path.suffix == ".urdf" else self._read(path)
+        parts = self._links(path, what, moving) if path.suffix == ".urdf" else self._read(path)
         return [replace(part, vertices=part.vertices @ turn.T) for part in parts]
 
-    def _links(self, path: Path, what: str, mover: str) -> list[Part]:
+    def _links(self, path: Path, what: str, moving: str) -> list[Part]:
         """Return the visual or collision elements of a URDF's links; without such elements, the collision ones."""
-        return urdf.links(path, what, self._read, mover) or urdf.links(path, "collision", self._read, mover)
+        return urdf.links(path, what, self._read, moving) or urdf.links(path, "collision", self._read, moving)
 
     def _read(self, path: Path) -> list[Part]:
         model = read_model(path)
@@ -180,8 +180,8 @@ class Models:
     def _object(self, kind: Kind, scale: Vec3, category: str, joined: bool) -> Scene:
         name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
         path = kind.path(kind.template.render_asset)
-        moving = urdf.movers(path) if path.suffix == ".urdf" else []
-        made = [self._piece(kind, scale, category, joined, name, mover) for mover in (None, *moving)]
+        links = urdf.moving_links(path) if path.suffix == ".urdf" else []
+        made = [self._piece(kind, scale, category, joined, name, moving) for moving in (None, *links)]
         pieces = [piece for piece in made if piece]
         if not pieces:
             raise SceneError(f"{path} has no shape: none of its triangles has an area.")
@@ -190,12 +190,12 @@ class Models:
         return Scene(name, assets, objects, (), Pose2D(0, 0, 0), {"middle": json.dumps(pieces[0][2])})
 
     def _piece(
-        self, kind: Kind, scale: Vec3, category: str, joined: bool, name: str, mover: urdf.Mover | None
+        self, kind: Kind, scale: Vec3, category: str, joined: bool, name: str, moving: urdf.MovingLink | None
     ) -> tuple[Asset, SceneObject, list[float]] | None:
-        """Return an object, or the part of it that a mover carries, with the centre of its bounding box; None without a
+        """Return an object, or the part that a moving link carries, with the centre of its bounding box; None without a
         shape."""
-        template, link = kind.template, mover.link if mover else ""
-        parts = scaled(self._parts(kind.path(template.render_asset), template, mover=link), np.array(scale))
+        template, link = kind.template, moving.link if moving else ""
+        parts = scaled(self._parts(kind.path(template.render_asset), template, moving=link), np.array(scale))
         whole = bake(parts) if parts else None
         if whole is None or not len(whole.faces):
             return None
@@ -205,28 +205,28 @@ class Models:
         # A seat faces away from its back, even if the config states another front.
         quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
         mesh = turned(mesh, quarters)
-        seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS and not mover else None
+        seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS and not moving else None
         hulls: tuple[NDArray[np.float32], ...] = ()
         if template.is_collidable:
             given = self._given(kind, np.array(scale), link)
             placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
-        asset = self._asset(f"{name} {link}" if mover else name, category, mesh, hulls, seat.height if seat else None)
+        asset = self._asset(f"{name} {link}" if moving else name, category, mesh, hulls, seat.height if seat else None)
         obj = _object(1, asset, base, quarter(-quarters), kind)
-        if mover:
-            obj = _hung(obj, asset, mover, axes(template.up, template.front), np.array(scale), base, quarter(quarters))
+        if moving:
+            obj = _hung(obj, asset, moving, axes(template.up, template.front), np.array(scale), base, quarter(quarters))
         return asset, obj, ((low + high) / 2).tolist()
 
     def _shell(self, kind: Kind, asset: str) -> Sequence[Part]:
         size = np.array(kind.template.scale) * kind.template.units_to_meters
         return righted(scaled(self._parts(kind.path(asset), kind.template), size))
 
-    def _given(self, kind: Kind, scale: Array, mover: str) -> list[NDArray[np.float32]]:
+    def _given(self, kind: Kind, scale: Array, moving: str) -> list[NDArray[np.float32]]:
         """Return the pieces of a template's own collision model; pieces that are not convex are decomposed."""
         asset = kind.template.collision_asset
         if not asset or kind.template.use_bounding_box_for_collision:
             return []
-        parts = scaled(self._parts(kind.path(asset), kind.template, "collision", mover), scale)
+        parts = scaled(self._parts(kind.path(asset), kind.template, "collision", moving), scale)
         solids = [solid for part in parts for solid in _solids(part)]
         return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
 
@@ -243,11 +243,11 @@ def _object(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> 
 
 
 def _hung(
-    obj: SceneObject, asset: Asset, mover: urdf.Mover, turn: Array, scale: Array, base: Array, quarters: Array
+    obj: SceneObject, asset: Asset, moving: urdf.MovingLink, turn: Array, scale: Array, base: Array, quarters: Array
 ) -> SceneObject:
-    """Return an object on a mover's joint, which is given in the file's frame. Without friction of its own it is
+    """Return an object on a moving link's joint, which is given in the file's frame. Without friction of its own it is
     balanced."""
-    way, joint, longer = turn @ np.array(mover.joint.axis) * scale, mover.joint, 1.0
+    way, joint, longer = turn @ np.array(moving.joint.axis) * scale, moving.joint, 1.0
     axis = _vec3(quarters @ way / np.linalg.norm(way))
     if isinstance(joint, Hinge):
         joint = replace(joint, axis=axis, point=_vec3(quarters @ (turn @ np.array(joint.point) * scale - base)))
@@ -255,10 +255,10 @@ def _hung(
         longer = float(np.linalg.norm(way))
         joint = replace(joint, axis=axis, low=joint.low * longer, high=joint.high * longer)
     size = np.ptp(asset.mesh.vertices, axis=0)
-    mass = mover.mass or round(float(np.clip(_DENSITY * size.prod(), *_MASSES)), 3)
+    mass = moving.mass or round(float(np.clip(_DENSITY * size.prod(), *_MASSES)), 3)
     centre = asset.mesh.vertices.mean(axis=0).astype(float)
     return replace(
-        obj, movable=True, mass=mass, joint=balanced(joint, centre, mass), state=float(mover.state) * longer
+        obj, movable=True, mass=mass, joint=balanced(joint, centre, mass), state=float(moving.state) * longer
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from humanclaw_habitat.models import Models
 from humanclaw_habitat.reference import Reference
 from humanclaw_habitat.regions import floors, rooms
 from humanclaw_habitat.starting import roomiest
-from humanclaw_habitat.urdf import Mover, joints, movers
+from humanclaw_habitat.urdf import MovingLink, joints, moving_links
 
 _REMEDY: Final = "Load the rest with ?missing=skip; `humanclaw habitat check PATH --skip` lists everything missing."
 _SMALL: Final = 1.0
@@ -153,7 +153,7 @@ class _Assembly:
         self.assets |= fragment.assets
         self.objects += [replace(part, id=number) for part in placed if not part.joint]
         path = kind.path(kind.template.render_asset)
-        states = {f"{fragment.name} {mover.link}": _initial(mover, placing) for mover in movers(path)}
+        states = {f"{fragment.name} {moving.link}": _initial(moving, placing) for moving in moving_links(path)}
         leaves = [part.opened(states[part.asset]) for part in placed if part.joint]
         self.leaves += leaves
         if still := joints(path) - len(leaves):
@@ -234,12 +234,12 @@ def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
     )
 
 
-def _initial(mover: Mover, placing: Placing) -> float:
+def _initial(moving: MovingLink, placing: Placing) -> float:
     """Return where a joint is in a scene, radians or metres: at rest, if the scene does not say."""
     wanted = placing.initial_joint_pose
     if isinstance(wanted, dict):
-        return wanted.get(mover.name, wanted.get(mover.link, mover.state))
-    return wanted[mover.number] if mover.number < len(wanted) else mover.state
+        return wanted.get(moving.name, wanted.get(moving.link, moving.state))
+    return wanted[moving.number] if moving.number < len(wanted) else moving.state
 
 
 def _has_floor(room: Room, slabs: Sequence[Array]) -> bool:

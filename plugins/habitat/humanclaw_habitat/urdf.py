@@ -32,7 +32,7 @@ _GREY: Final = (200, 200, 200)
 
 
 @dataclass(frozen=True)
-class Mover:
+class MovingLink:
     """A link on a hinge or a slide of the fixed part. Frame: that of the root link; metres, radians."""
 
     link: str
@@ -47,19 +47,19 @@ class Mover:
     """Kilograms; 0 if the file gives none."""
 
 
-def links(path: Path, what: str, read: Callable[[Path], list[Part]], mover: str = "") -> list[Part]:
-    """Return the 'visual' or 'collision' elements of the links that a mover carries, in the frame of the root link,
+def links(path: Path, what: str, read: Callable[[Path], list[Part]], moving: str = "") -> list[Part]:
+    """Return the 'visual' or 'collision' elements of the links that a moving link carries, in the root link's frame,
     metres.
 
-    read: returns the parts of a model file. mover: the link of a Mover; empty: links that do not move. Raises
+    read: returns the parts of a model file. moving: the link of a MovingLink; empty: links that do not move. Raises
     SceneError if the file is not a URDF, its joints form a circle or a shape is unknown.
     """
     robot = _root(path)
-    carried = {mover.link for mover in movers(path)}
+    carried = {moving.link for moving in moving_links(path)}
     links: list[Part] = []
     for link in robot.findall("link"):
         place, chain = _place(robot, link.get("name", ""), path)
-        if next((name for name in chain if name in carried), "") != mover:
+        if next((name for name in chain if name in carried), "") != moving:
             continue
         for shape in link.iter(what):
             frame = place @ _origin(shape, path)
@@ -68,19 +68,19 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]], mover: str 
     return links
 
 
-def movers(path: Path) -> list[Mover]:
+def moving_links(path: Path) -> list[MovingLink]:
     """Return the links on hinges and slides that have no other such link between them and the root, as the file lists
     their joints. Raises SceneError if it cannot be read."""
-    robot, by_link = _root(path), dict[str, Mover]()
+    robot, by_link = _root(path), dict[str, MovingLink]()
     moving = {_named(joint, "child", path): joint for joint in robot.findall("joint") if _range(joint, path)}
     for number, (link, joint) in enumerate(moving.items()):
         _, chain = _place(robot, _named(joint, "parent", path), path)
         if not moving.keys() & set(chain):
-            by_link[link] = _mover(robot, link, number, joint, path)
+            by_link[link] = _placed(robot, link, number, joint, path)
     return list(by_link.values())
 
 
-def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTree.Element, path: Path) -> Mover:
+def _placed(robot: ElementTree.Element, link: str, number: int, joint: ElementTree.Element, path: Path) -> MovingLink:
     frame = _place(robot, _named(joint, "parent", path), path)[0] @ _origin(joint, path)
     x, y, z = (float(value) for value in frame[:3, :3] @ _way(joint, path))
     low, high = _range(joint, path) or (0.0, 0.0)
@@ -93,7 +93,7 @@ def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTre
     slides = joint.get("type") == "prismatic"
     kept = Slide(low, high, axis=(x, y, z), **given) if slides else Hinge(point, low, high, axis=(x, y, z), **given)
     mass = 0.0 if weight is None else float(_numbers(weight.get("value", ""), 1, path)[0])
-    return Mover(link, joint.get("name", ""), number, kept, float(np.clip(0.0, low, high)), mass)
+    return MovingLink(link, joint.get("name", ""), number, kept, float(np.clip(0.0, low, high)), mass)
 
 
 def _range(joint: ElementTree.Element, path: Path) -> tuple[float, float] | None:
