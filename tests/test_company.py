@@ -97,14 +97,27 @@ def test_who_thinks_longer_than_the_others_wait_stands_meanwhile():
 
     def thinks(body):
         assert decided.wait(20)
-        return feedbacks("bow")(body)
+        return feedbacks("bow")(body), body.last.chunks, body.state()
 
     def acts(body):
-        feedbacks("bow", "bow")(body)
+        began = time.monotonic()
+        feedbacks("greet", "bow", "bow")(body)
         decided.set()
+        return time.monotonic() - began
 
-    with company(patience=0.2) as two:
-        two.play([thinks, acts])
+    with company(patience=1.0) as two:
+        ((words,), chunks, state), took = two.play([thinks, acts])
+    assert 1.0 <= took < 2.0, "who is late is waited for once, and again from its next call on"
+    assert words.startswith("1 s passed while you thought.")
+    assert "hello" in words
+    with company() as two:  # The record of who was late leads to the same places again.
+        again = two.play([lambda body: body.execute(Call("bow"), waited=2).chunks, feedbacks("greet", "bow", "bow")])[0]
+    assert all(
+        np.array_equal(*(getattr(chunk.commanded, part) for chunk in pair))
+        for pair in zip(chunks, again, strict=True)
+        for part in ("root", "rotations")
+    )
+    assert np.array_equal(state.body.root, again[-1].execution.simulated.root[-1:])
 
 
 def test_who_has_ended_stands_while_the_others_go_on():

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final, Self, TypeAlias, TypeVar
@@ -57,8 +57,8 @@ class Company:
 
         Args:
             seed: of the first body; each further one has the next.
-            patience: seconds that the others wait for a body that thinks; then it stands for half a second. None waits
-                for ever, and so nothing depends on who is faster.
+            patience: seconds that the others wait for a body that thinks; then it stands until it is called, which its
+                next step records as time waited. None waits for ever, and so nothing depends on who is faster.
 
         Raises SceneError if a body does not fit on its start, HumanclawError for a simulator whose worlds hold one.
         """
@@ -66,13 +66,14 @@ class Company:
         chosen = (backends or Backends()).chosen(host)
         place: Scene = host.scene(scene) if isinstance(scene, str) else scene
         simulator = host.make("simulators", chosen.simulator, profile=chosen.profile)
-        self._world = _World(shared(simulator), len(starts), patience)
+        self._world = _World(shared(simulator), len(starts))
 
         def embodied(number: int) -> Body:
             seat = Seat(self._world, number)
             return Body(place, starts[number], seed=seed + number, plugins=host, backends=chosen, simulator=seat)
 
-        self.bodies = self._together([partial(embodied, number) for number in range(len(starts))])
+        self.bodies = self._world.bodies = self._together([partial(embodied, k) for k in range(len(starts))])
+        self._world.patience = patience  # From now on: to make the bodies may take long.
 
     def play(self, parts: Sequence[Callable[[Body], T]]) -> tuple[T, ...]:
         """Let each body play its part, in a thread of its own, and return what the parts return.
@@ -81,6 +82,14 @@ class Company:
         Ctrl-C ends every part, as it ends that of one body.
         """
         return self._together([partial(part, body) for part, body in zip(parts, self.bodies, strict=True)])
+
+    def join(self) -> None:
+        """Let the bodies be called from threads of your own, each until it leaves. Do so or play(), not both."""
+        self._world.enter()
+
+    def leave(self, number: int) -> None:
+        """Let a body stand from now on."""
+        self._world.leave(number)
 
     def _together(self, parts: Sequence[Callable[[], T]]) -> tuple[T, ...]:
         threads: set[int] = set()
@@ -131,6 +140,15 @@ class Seat:
     world: _World
     number: int
 
+    @contextmanager
+    def called(self) -> Iterator[None]:
+        """Let the others wait, however long the call takes."""
+        self.world.called(self.number, True)
+        try:
+            yield
+        finally:
+            self.world.called(self.number, False)
+
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         state: WorldState = self.world.do(self.number, (scene, start))
         return state
@@ -157,10 +175,14 @@ class Seat:
 class _World:
     """The clock of a company: it moves on once every body that plays has said what it does next."""
 
-    def __init__(self, simulator: SharedSimulator, count: int, patience: float | None) -> None:
-        self._simulator, self._count, self._patience = simulator, count, patience
+    def __init__(self, simulator: SharedSimulator, count: int) -> None:
+        self._simulator, self._count = simulator, count
+        self.patience: float | None = None
         self._changed = threading.Condition()
+        self.bodies: Sequence[Body] = ()
         self._playing: set[int] = set()
+        self._called: set[int] = set()
+        self._late: set[int] = set()
         self._acts: dict[int, _Act] = {}
         self._answers: dict[int, Any] = {}
         self.said: list[tuple[int, str]] = []
@@ -177,6 +199,12 @@ class _World:
             self._playing.discard(number)
             self._move_on()
 
+    def called(self, number: int, begins: bool) -> None:
+        """Hold a body for late no more, since its call begins; or perhaps again, since it ends."""
+        with self._changed:
+            self._late.discard(number)
+            (self._called.add if begins else self._called.discard)(number)
+
     def do(self, number: int, act: _Act) -> Any:
         """Return the outcome of an act, once it is done together with those of the others."""
         with self._changed:
@@ -184,8 +212,9 @@ class _World:
                 raise HumanclawError("this body plays no part now.", "Give it one with Company.play().")
             self._acts[number] = act
             self._move_on()
-            while not self._changed.wait_for(lambda: number not in self._acts, self._patience):
-                self._do_now()
+            while not self._changed.wait_for(lambda: number not in self._acts, self.patience):
+                self._late |= self._playing - self._acts.keys() - self._called
+                self._move_on()
             answer = self._answers[number]
         if isinstance(answer, Exception):
             raise answer
@@ -201,7 +230,7 @@ class _World:
 
     def _move_on(self) -> None:
         """Do what all have asked for, if all have."""
-        if self._acts and self._playing <= self._acts.keys():
+        if self._acts and self._playing - self._late <= self._acts.keys():
             self._do_now()
 
     def _do_now(self) -> None:
@@ -236,12 +265,16 @@ class _World:
         frames = len(next(iter(motions.values())))
         standing = {} if len(motions) == self._count else dict(enumerate(self._simulator.states()))
         still = {number: state.body.held(frames) for number, state in standing.items()}
+        late = {number: self.bodies[number] for number in sorted(self._late & self._playing - motions.keys())}
+        still |= {number: body.stands() for number, body in late.items()}
         executions = self._simulator.execute_all([(still | motions)[number] for number in range(self._count)])
         said, self.said = self.said, []
-        if not said:
-            return dict(enumerate(executions))
-        after = self._simulator.states()
-        return {k: replace(done, heard=self._heard(k, said, after)) for k, done in enumerate(executions)}
+        if said:
+            after = self._simulator.states()
+            executions = [replace(done, heard=self._heard(k, said, after)) for k, done in enumerate(executions)]
+        for number, body in late.items():
+            body.stood(executions[number])
+        return dict(enumerate(executions))
 
     def _heard(self, listener: int, said: Sequence[tuple[int, str]], states: Sequence[WorldState]) -> tuple[Heard, ...]:
         """Return what a body hears of what was said, in the order of the speakers' seats."""

@@ -6,19 +6,20 @@ import asyncio
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from inspect import signature
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import FPS, FUTURE, Motion, Pose2D
+from humanclaw.body.pose import FUTURE, Motion, Pose2D
 from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import SHIPPED, Backends
 from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts
 from humanclaw.episodes.falls import Descent
-from humanclaw.episodes.moving import Mover, Playing
+from humanclaw.episodes.moving import STANDING, Mover, Playing
 from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import HumanclawError, blaming
@@ -29,17 +30,14 @@ from humanclaw.records.feedback import Feedback
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.gaze_grip_speech import Grip
-from humanclaw.skills.plan import Keyframes
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.scene import Scene
-from humanclaw.world.simulator import Chunk, Simulator, WorldState
+from humanclaw.world.simulator import Chunk, Execution, Simulator, WorldState
 from humanclaw.world.view import CameraMount, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
-_STANDING: Final = Keyframes((FUTURE / FPS,), {}, absolute=True)
-"""Half a second in which nothing of the body moves."""
 
 
 class Body:
@@ -76,6 +74,8 @@ class Body:
         self._shown: Scene | None = None
         self._waiting: tuple[Scene, Pose2D] | None = None
         """The scene and the start where the body still stands as it was placed; None once it was called."""
+        self._stood: list[Chunk] = []
+        """Half seconds in which the world of a company went on before the next call."""
         self.turn = threading.Lock()
         """Held during a call by acall() and by every list of tools: a body does one thing at a time."""
         self.resets = 0
@@ -123,6 +123,7 @@ class Body:
             self._waiting = None
             self._mover = Mover(self.backends, self._adapters, self._generator, self._simulator, wanted, self.start)
             self._waiting = wanted, self.start
+        self._stood = []
         self._descent = Descent(float(self._mover.state.body.root[-1, 1]))
 
     @property
@@ -203,14 +204,32 @@ class Body:
 
         watch: called after each chunk; if it returns False, the rest is left out. waited: half seconds to stand before.
         """
-        skill = self.plugins.skill(call.skill)
-        with blaming(self.plugins.owner(call.skill)):
-            plan = skill.planned(call.params, self.feeling if skill.feels else None)
-        plan = (*[_STANDING] * waited, *plan)
+        with getattr(self._simulator, "called", nullcontext)():
+            return self._execute(call, watch, waited)
+
+    def stands(self) -> Motion:
+        """Return half a second of standing, for a world that does not wait for a call: it tells stood() the outcome."""
+        return self._mover.stands()
+
+    def stood(self, execution: Execution) -> None:
+        """Enter half a second in which the body stood, since it was not called. It belongs to the next call."""
+        if not self._stood:
+            self._before = self._mover.state, self.feeling
         self._waiting = None
-        playing = Playing(self._mover, skill, plan, (self.seed, self.step))
-        before, chunks, seconds = self._mover.state, list[Chunk](), {"generate": 0.0, "simulate": 0.0}
-        played: list[int] = []
+        self._stood.append(self._mover.stood(execution))
+
+    def _execute(self, call: Call, watch: Watcher | None, waited: int) -> SkillExecution:
+        skill = self.plugins.skill(call.skill)
+        before, feeling = self._before if self._stood else (self._mover.state, self.feeling)
+        with blaming(self.plugins.owner(call.skill)):
+            plan = skill.planned(call.params, feeling if skill.feels else None)
+        chunks, self._stood = self._stood, []
+        waited += len(chunks)
+        plan = (*[STANDING] * waited, *plan)
+        self._waiting = None
+        playing = Playing(self._mover, skill, plan, (self.seed, self.step), len(chunks))
+        seconds = {"generate": 0.0, "simulate": 0.0}
+        played = list(range(len(chunks)))
         cancelled, moment = False, time.perf_counter()
         for number, commanded, left in playing.chunks():
             seconds["generate"] += time.perf_counter() - moment
@@ -241,7 +260,7 @@ class Body:
             heard=tuple(heard for chunk in chunks for heard in chunk.execution.heard),
         )
         aims = tuple(playing.aims)
-        self.last = SkillExecution(call, tuple(chunks), seconds, feedback, parts, playing.rise_frames, aims)
+        self.last = SkillExecution(call, before, tuple(chunks), seconds, feedback, parts, playing.rise_frames, aims)
         return self.last
 
     def _repr_html_(self) -> str:

@@ -325,7 +325,7 @@ class Episode:
         done = self.body.execute(call, self._watch, waited)
         self._recording.move(*map(piece_of, done.chunks))
         self._step.seconds |= done.seconds
-        return self._measure(before, call, verdict, done)
+        return self._measure(done.before, call, verdict, done)
 
     def _watch(self, chunk: Chunk) -> bool:
         """Call the observers of a chunk, and keep views for an agent that asks. Returns whether the call goes on."""

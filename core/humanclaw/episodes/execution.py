@@ -10,7 +10,7 @@ from humanclaw.records.steps import PlayedPart
 from humanclaw.skills.call import Call
 from humanclaw.skills.plan import Control
 from humanclaw.skills.plan_motion import Part, about, kind_of
-from humanclaw.world.simulator import Chunk
+from humanclaw.world.simulator import Chunk, WorldState
 
 Watcher = Callable[[Chunk], bool]
 """Called with each chunk once it has been played. Returns False to leave out the rest of the call."""
@@ -22,6 +22,7 @@ class SkillExecution:
     seconds."""
 
     call: Call
+    before: WorldState
     chunks: tuple[Chunk, ...]
     seconds: Mapping[str, float]
     feedback: Feedback

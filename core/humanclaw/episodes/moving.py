@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from humanclaw.body.hand_thigh_contact import lay_hands
-from humanclaw.body.pose import FUTURE, Motion, Pose2D, next_history, re_rooted
+from humanclaw.body.pose import FPS, FUTURE, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import Backends
 from humanclaw.motion.carrying import Arms
@@ -16,13 +16,15 @@ from humanclaw.records.feedback import HandAim
 from humanclaw.skills.contract import Skill, untrained
 from humanclaw.skills.gaze_grip_speech import Gaze, Grip, Speech
 from humanclaw.skills.heading_correction import HeadingCorrection
-from humanclaw.skills.plan import Control
+from humanclaw.skills.plan import Control, Keyframes
 from humanclaw.skills.plan_motion import Part, arms_of, part_motion
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.skills.reaching import Reach
 from humanclaw.world.scene import Scene
-from humanclaw.world.simulator import Chunk, Simulator
+from humanclaw.world.simulator import Chunk, Execution, Simulator
 
+STANDING: Final = Keyframes((FUTURE / FPS,), {}, absolute=True)
+"""Half a second in which nothing of the body moves."""
 _SHORT: Final = 0.03
 """Metres from its target at which a hand is there."""
 
@@ -73,16 +75,30 @@ class Mover:
 
     def simulate(self, motion: Motion, part: Part) -> Chunk:
         """Drive the body through the motion of a part."""
-        source = self._backends.motion_history
         # A model that goes on from the simulated hands would meet hands that it has never seen.
-        corrects = isinstance(part, Control) and source == "generated" and self._backends.profile != "paper"
-        laid = lay_hands(motion) if corrects else motion
+        generated = self._backends.motion_history == "generated" and self._backends.profile != "paper"
+        laid = lay_hands(motion) if isinstance(part, Control) and generated else motion
         commanded = self.arms.over(laid, arms_of(part), self.state.body)
-        execution = self._simulator.execute(commanded)
+        return self._moved(motion, part, Chunk(commanded, self._simulator.execute(commanded)))
+
+    def _moved(self, motion: Motion, part: Part, chunk: Chunk) -> Chunk:
+        """Go on from where a chunk of a part's motion has brought the body."""
         self.state = self._simulator.state()
-        self.arms.after(execution.simulated, self.state.held, arms_of(part))
-        self.history = next_history(self.history, motion, execution.simulated, source)
-        return Chunk(commanded, execution)
+        self.arms.after(chunk.execution.simulated, self.state.held, arms_of(part))
+        source = self._backends.motion_history
+        self.history = next_history(self.history, motion, chunk.execution.simulated, source)
+        return chunk
+
+    def stands(self) -> Motion:
+        """Return half a second of standing, for a world that goes on meanwhile: it tells stood() what became of it."""
+        return self.arms.over(self._still(), arms_of(STANDING), self.state.body)
+
+    def stood(self, execution: Execution) -> Chunk:
+        """Go on from where half a second of standing has left the body."""
+        return self._moved(self._still(), STANDING, Chunk(self.stands(), execution))
+
+    def _still(self) -> Motion:
+        return part_motion(STANDING, self.arms.pose(self.history), self.arms.palms)[0]
 
     def grip(self, part: Grip) -> str:
         """Close or open a hand, and return what it could not do. A simulator of plugin API 1.2 has no hands."""
@@ -102,9 +118,9 @@ class Mover:
 class Playing:
     """One call under way, and what it found that the body could not do."""
 
-    def __init__(self, mover: Mover, skill: Skill, plan: Sequence[Part], key: tuple[int, int]) -> None:
-        """Take a skill's plan. key: seed of the episode and number of the step."""
-        self._mover, self._skill, self._plan, self._key = mover, skill, plan, key
+    def __init__(self, mover: Mover, skill: Skill, plan: Sequence[Part], key: tuple[int, int], over: int = 0) -> None:
+        """Take a skill's plan. key: seed of the episode and number of the step. over: parts of it that were played."""
+        self._mover, self._skill, self._plan, self._key, self._over = mover, skill, plan, key, over
         self.limits: list[str] = []
         """What the body could not do, in words."""
         self.aims: list[HandAim] = []
@@ -113,8 +129,8 @@ class Playing:
     def chunks(self) -> Iterator[tuple[int, Motion, bool]]:
         """Yield the motion of the plan, 15 frames at a time: the number of the part, the motion, and whether more
         follows. Each is to be simulated before the next one is asked for."""
-        index = 0
-        for number, part in enumerate(self._plan):
+        index = self._over
+        for number, part in enumerate(self._plan[self._over :], self._over):
             for commanded, left in self._pieces(part, index):
                 yield number, commanded, left or number + 1 < len(self._plan)
                 index += 1
