@@ -140,7 +140,7 @@ def test_the_examples_of_hooks_are_found_together():
     plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=told.append)
     assert "0 records in runs/x" in told
     kinds = {"verifiers": "careful", "faults": "sleeper", "reports": "lines", "scenes": "yard", "rewards": "haste"}
-    for kind, name in (kinds | {"tasks": "corridor"}).items():
+    for kind, name in (kinds | {"tasks": "corridor", "splits": "turned_round"}).items():
         assert name in [one.name for one in plugins.registered(kind)]
     assert plugins.scene("yard:x").name == "yard:x"
     assert "hello" in build(lambda: plugins).list_commands(click.Context(click.Command("humanclaw")))

@@ -113,6 +113,9 @@ class EpisodeSpec(Record):
     partner: Annotated[Partner | None, Field(exclude_if=lambda partner: partner is None)] = None
     """Who else is in the scene; None for a body alone, and then left out when written, as a goal is."""
 
+    success: Annotated[Name, Field(exclude_if=lambda success: not success)] = ""
+    """Name of the function that decides success (humanclaw_bench.task); empty if targets, goal or partner decide."""
+
     @property
     def for_agent(self) -> EpisodeSpec:
         """The part that an agent is told: the instruction, what follows from it, and the limit of steps. Scene, start,

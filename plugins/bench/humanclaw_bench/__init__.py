@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from humanclaw import hookimpl
+from humanclaw_bench.own import task as task
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from humanclaw import EpisodeSpec, Plugins, RecordedEpisode
     from humanclaw.plugins import Register
     from humanclaw_bench.executors import Executor
+    from humanclaw_bench.own import Task
 
 hookspec = pluggy.HookspecMarker("humanclaw")
 
@@ -54,6 +55,11 @@ class RegisterFault(Protocol):
         """Register a fault under its name."""
 
 
+class RegisterTask(Protocol):
+    def __call__(self, task: Task) -> None:
+        """Register a task, as @task makes it, under the name of its function."""
+
+
 if TYPE_CHECKING:
     ExecutorFactory: TypeAlias = Callable[[int, str], Executor]
     MetricFunction: TypeAlias = Callable[[RecordedEpisode], float]
@@ -73,6 +79,14 @@ def humanclaw_metrics(register: Register[MetricFunction]) -> None:
 
     They become columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load. Names
     that these already have, such as nav or success, are refused.
+    """
+
+
+@hookspec
+def humanclaw_splits(register: RegisterTask) -> None:
+    """Register tasks of one's own, which humanclaw_bench.task makes of a function: `humanclaw bench run --split NAME`.
+
+    Records name the function. Tables find it by that name, so give them the same `--plugin FILE`.
     """
 
 
@@ -98,5 +112,5 @@ def _use_metric(metric: MetricFunction, plugins: Plugins) -> None:
     use_metric(metric, plugins)
 
 
-USES: Mapping[str, Callable[[Any, Plugins], None]] = {"metrics": _use_metric}
+USES: Mapping[str, Callable[[Any, Plugins], None]] = {"metrics": _use_metric, "splits": _use_metric}
 """How `humanclaw check` uses an item."""

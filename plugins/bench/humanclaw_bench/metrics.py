@@ -157,6 +157,8 @@ OWN: Final = (
 """Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), other readings of GeoNavSR, Coll.,
 #Dtb, dDtb and Jerk, and the Brier score of the success that the agent expected."""
 SOLVED: Final = _rate("solved", "done", "the goal was met, whatever was said before")
+TASKS: Final = (SOLVED, *(metric for metric in MAIN if metric.name in ("FindSR", "NavSR", "Coll.", "refused", "steps")))
+"""Columns of tasks of one's own."""
 HANDS: Final = (
     FIND, NAV,
     _stage("ReachSR", "reach", "a hand came to the thing"),

@@ -45,9 +45,14 @@ class Result:
         return any(s.of_two for s in self.scores)
 
     @property
+    def of_own(self) -> bool:
+        """Whether functions of plugins decide the success of its episodes."""
+        return any(s.spec and s.spec.success for s in self.scores)
+
+    @property
     def of_hands(self) -> bool:
         """Whether its episodes are tasks for hands."""
-        return any(s.hands for s in self.scores) and not (self.of_oneself or self.of_two)
+        return any(s.hands for s in self.scores) and not (self.of_oneself or self.of_two or self.of_own)
 
     @property
     def of_oneself(self) -> bool:
@@ -81,6 +86,8 @@ class Result:
             yield f"Privileged (knows scene and true state): {roles}."
         broken = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
         yield from (f"Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(broken.items()))
+        unmet = Counter(cause.name for cause in self.causes if cause and cause.stage == "task")
+        yield from (f"{count} {name.rstrip('.')}." for name, count in sorted(unmet.items()))
         verified, unasked = (sum(getattr(s, name) for s in self.finished) for name in ("verified", "unasked"))
         if verified:
             yield f"Calls executed unverified: {100 * unasked / verified:.1f} %."

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     "name",
     default="mini",
     show_default=True,
-    help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, self, two, or a file of episodes.",
+    help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, self, two, a plugin's task, "
+    "or a file of episodes.",
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
@@ -67,7 +68,7 @@ def run_command(
     from humanclaw_bench.worker import Job
 
     plugins = Plugins.discover(files, choice)
-    specs = load_split(name)
+    specs = load_split(name, plugins)
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
     out = out or Path("runs") / f"{Path(name).stem}-{name_of(deciders.title)}"
     if not resume and Folder(out).has("run.json"):

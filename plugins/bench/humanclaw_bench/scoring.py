@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import fields, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from traceback import format_exception_only
 from typing import Final
@@ -17,28 +17,29 @@ from humanclaw import PluginError, Plugins, RecordedEpisode, RecordError, load_r
 from humanclaw_bench.attribution import also, attribute
 from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.results import Result, named
-from humanclaw_bench.scores import Scores, score
+from humanclaw_bench.scores import Scores, brier, score
 from humanclaw_bench.verification import standing
 
 Scored = tuple[Scores, Cause | None]
 Runs = Mapping[Path, Sequence[RecordedEpisode]]
 Extra = Mapping[str, Callable[[RecordedEpisode], float]]
-"""Metrics of plugins by name. Each returns a number, NaN if it does not apply."""
+"""Metrics of plugins and successes of their tasks by name. Each returns a number, NaN if it does not apply."""
 OWN: Final = frozenset({field.name for field in fields(Scores)} | {"success", "stage", "cause", "capability"})
 """Names of the numbers in a row of scores."""
 COLLISIONS: Final = "collisions_"
 _LOG: Final = logging.getLogger("humanclaw")
+_UNJUDGED: Final = "success is decided by %r, which no plugin here brings. Give its file: --plugin FILE."
 
 
 def metrics_of(plugins: Plugins) -> Extra:
-    """Return the metrics of plugins by name.
+    """Return the metrics of plugins and the successes of their tasks, by name.
 
-    Raises PluginError for a metric with the name of one of the benchmark's own numbers, which it would replace.
+    Raises PluginError for one with the name of one of the benchmark's own numbers, which it would replace.
     """
-    metrics = plugins.registered("metrics")
-    for metric in metrics:
-        refuse_taken_name(metric.name, metric.owner)
-    return {metric.name: partial(_measured, metric.name, metric.owner, metric.value) for metric in metrics}
+    items = (*plugins.registered("metrics"), *plugins.registered("splits"))
+    for item in items:
+        refuse_taken_name(item.name, item.owner)
+    return {item.name: Measured(item.name, item.owner, item.value, item.description) for item in items}
 
 
 def refuse_taken_name(name: str, owner: str) -> None:
@@ -50,12 +51,25 @@ def refuse_taken_name(name: str, owner: str) -> None:
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
     """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
+    extra = extra or {}
     pairs = zip(episodes, _scored(tuple(episodes), name), strict=True)
-    metrics = (extra or {}).items()
-    return [
-        (replace(scores, extra={name: measure(recorded) for name, measure in metrics}), cause)
-        for recorded, (scores, cause) in pairs
-    ]
+    for unknown in sorted({recorded.record.spec.success for recorded in episodes} - {"", *extra}):
+        _LOG.warning(_UNJUDGED, unknown)
+    return [_with_extra(recorded, *pair, extra) for recorded, pair in pairs]
+
+
+def _with_extra(recorded: RecordedEpisode, scores: Scores, cause: Cause | None, extra: Extra) -> Scored:
+    """Add the metrics of plugins, and judge an episode whose success a plugin's function decides."""
+    scores = replace(scores, extra={name: measure(recorded) for name, measure in extra.items()})
+    if not (judge := recorded.record.spec.success):
+        return scores, cause
+    value = scores.extra.get(judge, float("nan"))
+    done = None if value != value else bool(value)
+    scores = replace(scores, done=done, brier=brier(recorded, done), also="")
+    if done is not False or not scores.finished or scores.outcome == "plugin_error":
+        return scores, None
+    about = getattr(extra[judge], "description", "") or judge
+    return scores, Cause("task", f"not met: {about}", "task")
 
 
 # Scoring takes a minute a thousand episodes; the tables of a run and its page need the same.
@@ -70,19 +84,27 @@ def _scored(episodes: tuple[RecordedEpisode, ...], name: str) -> tuple[Scored, .
     return tuple(pairs)
 
 
-def _measured(name: str, owner: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a metric of a plugin; NaN if it raises or returns no number.
+@dataclass(frozen=True)
+class Measured:
+    """A function of a plugin. Calling it returns NaN if that raises or returns no number.
 
-    It gets a copy of the record, so it cannot alter the scores.
+    The function gets a copy of the record, so it cannot alter the scores.
     """
-    try:
-        return float(measure(deepcopy(recorded)))
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        reason = format_exception_only(error)[-1].strip()
-        _LOG.error("metric %r of plugin %r failed on episode %s: %s", name, owner, recorded.record.spec.id, reason)
-    return float("nan")
+
+    name: str
+    owner: str
+    measure: Callable[[RecordedEpisode], float]
+    description: str = ""
+
+    def __call__(self, recorded: RecordedEpisode) -> float:
+        try:
+            return float(self.measure(deepcopy(recorded)))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            reason, episode = format_exception_only(error)[-1].strip(), recorded.record.spec.id
+            _LOG.error("metric %r of plugin %r failed on episode %s: %s", self.name, self.owner, episode, reason)
+        return float("nan")
 
 
 def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 import scipy  # Its parts load when they are used.
 from numpy.typing import NDArray
 
-from humanclaw import EpisodeSpec, HumanclawError, Scene
+from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene
 from humanclaw.body import Array, Pose2D
 from humanclaw.records import SEATS, instruction, name_of, read_episodes, route_difficulty
 from humanclaw.world import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at
@@ -61,14 +61,18 @@ APART: Final = 1.0
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
-def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """Return the episodes of a split in SPLITS or HANDS, of SELF or TWO, or of a file.
+def load_split(name: str, plugins: Plugins | None = None) -> tuple[EpisodeSpec, ...]:
+    """Return the episodes of a split in SPLITS or HANDS, of SELF or TWO, of a task of plugins, or of a file.
 
     Raises HumanclawError if there is none or it is malformed.
     """
     known = (*SPLITS, *HANDS, SELF, TWO)
+    own = {item.name: item.value.episodes for item in (plugins.registered("splits") if plugins else ())}
+    if name in own and name not in known:
+        return tuple(own[name])
     if name not in known and not Path(name).exists():
-        raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(known)}, or a file of episodes.")
+        names = ", ".join((*known, *own))
+        raise HumanclawError(f"there is no split {name}.", f"Name one of {names}, a plugin's task, or a file.")
     return read_episodes(DATA / f"{name}.jsonl" if name in known else Path(name))
 
 

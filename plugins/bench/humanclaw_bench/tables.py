@@ -30,6 +30,7 @@ from humanclaw_bench.metrics import (
     OWN,
     REFUSED,
     SELF,
+    TASKS,
     TWO,
     VARIANTS,
     Column,
@@ -107,6 +108,7 @@ class ResultTable:
 LAYOUTS: Final[Mapping[str, tuple[str, tuple[Metric, ...]]]] = {
     "main": ("Results", MAIN),
     "ablation": ("Ablation", MAIN),
+    "tasks": ("Tasks of one's own", TASKS),
     "hands": ("Tasks for hands", (*HANDS, *ALONE)),
     "self": ("Questions about oneself", SELF),
     "two": ("Tasks with a partner", TWO),
@@ -115,7 +117,7 @@ LAYOUTS: Final[Mapping[str, tuple[str, tuple[Metric, ...]]]] = {
     "own": ("Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration", OWN),
 }
 """Title and columns of the tables with a row for each agent, by name: that of paper.json for tables of the paper."""
-EXPLAINED: Final = ("main", "hands", "self", "two")
+EXPLAINED: Final = ("main", "tasks", "hands", "self", "two")
 """Tables whose short names of columns are explained below them."""
 
 
@@ -358,6 +360,7 @@ def brief_tables(results: Sequence[Result]) -> dict[str, ResultTable]:
     walks = of.walks if any(scores.category for result in of.walks for scores in result.scores) else []
     return {
         "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False),
+        "tasks": result_table("tasks", of.own),
         "hands": _result_table("Tasks for hands", HANDS, of.hands, {}),
         "self": result_table("self", of.selves),
         "two": result_table("two", of.two),
@@ -370,18 +373,21 @@ def brief_tables(results: Sequence[Result]) -> dict[str, ResultTable]:
 
 @dataclass(frozen=True)
 class _Kinds:
-    """Results by the kind of their tasks: walking and sitting, hands, questions about oneself, with a partner."""
+    """Results by the kind of their tasks: walking and sitting, one's own, hands, questions about oneself, with a
+    partner."""
 
     walks: Sequence[Result]
+    own: Sequence[Result]
     hands: Sequence[Result]
     selves: Sequence[Result]
     two: Sequence[Result]
 
 
 def _apart(results: Sequence[Result]) -> _Kinds:
-    walks = [r for r in results if not (r.of_hands or r.of_oneself or r.of_two)]
+    walks = [r for r in results if not (r.of_own or r.of_hands or r.of_oneself or r.of_two)]
+    own = [r for r in results if r.of_own]
     hands, selves = [r for r in results if r.of_hands], [r for r in results if r.of_oneself]
-    return _Kinds(walks, hands, selves, [r for r in results if r.of_two])
+    return _Kinds(walks, own, hands, selves, [r for r in results if r.of_two])
 
 
 def happened(causes: ResultTable) -> ResultTable:
@@ -397,6 +403,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True) -> dict[str, Re
 
 TABLES: Final[Mapping[str, Callable[[_Kinds, bool], ResultTable]]] = {
     "main": lambda of, paper: result_table("main", of.walks, paper=paper),
+    "tasks": lambda of, paper: result_table("tasks", of.own),
     "hands": lambda of, paper: result_table("hands", of.hands),
     "self": lambda of, paper: result_table("self", of.selves),
     "two": lambda of, paper: result_table("two", of.two),
@@ -406,7 +413,7 @@ TABLES: Final[Mapping[str, Callable[[_Kinds, bool], ResultTable]]] = {
     "difficulty": lambda of, paper: difficulty_table(of.walks),
     "factors": lambda of, paper: factors_table(of.walks),
     "category": lambda of, paper: category_table(of.walks),
-    "plugins": lambda of, paper: extra_table(of.walks),
+    "plugins": lambda of, paper: extra_table([*of.walks, *of.own]),
     "funnel": lambda of, paper: funnel_table(of.walks, paper=paper),
     "causes": lambda of, paper: causes_table(of.walks, paper=paper),
     "faculties": lambda of, paper: faculties_table(of.walks, paper=paper),

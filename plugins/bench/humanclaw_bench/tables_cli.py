@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -89,9 +89,10 @@ def show(tables: Mapping[str, ResultTable]) -> None:
 @click.argument("b", type=RUN)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
-def compare_command(a: Path, b: Path, as_json: bool, partial: bool) -> None:
+@plugin_files
+def compare_command(a: Path, b: Path, as_json: bool, partial: bool, files: tuple[Path, ...]) -> None:
     """Compare two runs over the episodes that both finished. Differences are told from noise."""
-    first, second = _one(a), _one(b)
+    first, second = _one(a, files), _one(b, files)
     require_whole((first, second), partial)
     differences = compare(first.scores, second.scores)
     changed = unlike(first.conditions, second.conditions)
@@ -137,8 +138,8 @@ def export_command(run: Path, form: str, out: Path | None) -> None:
     click.echo(write(run, out or run / name))
 
 
-def _one(run: Path) -> Result:
-    results = _results([run])
+def _one(run: Path, files: Sequence[Path]) -> Result:
+    results = _results([run], files)
     require_whole(results, partial=True)  # Foreign records are refused here; missing ones elsewhere.
     if len(results) > 1:
         names = ", ".join(result.name for result in results)

@@ -1,0 +1,41 @@
+"""Tasks of one's own: episodes, and a function of an episode's record that decides success (hook humanclaw_splits)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import getdoc
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from humanclaw import EpisodeSpec, RecordedEpisode
+
+    Success: TypeAlias = Callable[[RecordedEpisode], bool]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A split of one's own. Calling it calls its function."""
+
+    name: str
+    description: str
+    """When an episode has succeeded."""
+    episodes: tuple[EpisodeSpec, ...]
+    success: Success
+
+    def __call__(self, episode: RecordedEpisode) -> bool:
+        return self.success(episode)
+
+
+def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:
+    """Make a function decide the success of these episodes. Register the result in the hook humanclaw_splits.
+
+    The function gets the record of a finished episode and returns whether it succeeded. `--split` takes its name; the
+    first line of its docstring explains a failure.
+    """
+
+    def made(success: Success) -> Task:
+        name, (about, _, _) = success.__name__, (getdoc(success) or "").partition("\n")
+        return Task(name, about, tuple(spec.model_copy(update={"success": name}) for spec in episodes), success)
+
+    return made

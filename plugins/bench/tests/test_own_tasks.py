@@ -1,0 +1,120 @@
+"""A task of one's own (@task): its function decides success, in tables, rows, `verify` and replays."""
+
+import json
+import shutil
+
+import pytest
+import toy_world
+from click.testing import CliRunner
+
+from humanclaw import EpisodeSpec, HumanclawError, Plugins
+from humanclaw.testing import check_target
+from humanclaw_bench import task
+from humanclaw_bench.cli import bench
+from humanclaw_bench.splits import load_split
+
+pytestmark = pytest.mark.integration
+
+FILE = """
+from humanclaw import EpisodeSpec, hookimpl
+from humanclaw_bench import task
+
+
+@task(
+    EpisodeSpec(id="near", instruction="Walk a bit.", scene="toy:0", max_steps=4),
+    EpisodeSpec(id="late", instruction="Walk on.", scene="toy:1", max_steps=3),
+)
+def stopped_ahead(episode):
+    \"\"\"Stop over 80 cm from the start.\"\"\"
+    first, last = episode.steps[0], episode.steps[-1]
+    return BODY
+
+
+@hookimpl(optionalhook=True)
+def humanclaw_splits(register):
+    register(stopped_ahead)
+"""
+AHEAD = 'last.status == "stopped" and abs(last.end[2] - first.start[2]) > 0.8'
+TOYS = ("--plugin", toy_world.FILE, "--simulator", "toy", "--renderer", "toy", "--generator", "toy")
+
+
+def call(*words):
+    done = CliRunner(env={"COLUMNS": "200"}).invoke(bench, list(map(str, words)))
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(FILE.replace("BODY", AHEAD))
+    return path
+
+
+@pytest.fixture
+def run(file, tmp_path):
+    """Return the folder of a run in which `near` stops with its fourth call, 90 cm ahead, and `late` never stops."""
+    out = tmp_path / "run"
+    words = ("--split", "stopped_ahead", "--plugin", file, *TOYS, "--agent", "walker", "--out", out, "--in-process")
+    assert "solved" in call("run", *words)
+    return out
+
+
+def test_the_function_decides_who_succeeds_and_says_why_not(run, file):
+    table = json.loads(call("table", run, "--json", "--plugin", file))["tasks"]
+    assert table["rows"][0]["solved"]["value"] == 0.5
+    assert "1 not met: Stop over 80 cm from the start." in table["notes"][0]
+    call("rescore", run, "--plugin", file)
+    lines = {line["episode"]: line for line in map(json.loads, (run / "scores.jsonl").read_text().splitlines())}
+    assert [lines[name]["success"] for name in ("near", "late")] == [True, False]
+    assert lines["late"]["cause"] == "not met: Stop over 80 cm from the start."
+    assert "cause" not in lines["near"]
+
+
+def test_a_run_of_an_own_task_is_verified_and_replayed(run):
+    told = call("verify", run, "--replay", "--plugin", toy_world.FILE)
+    assert "2 of 2 episodes came out the same" in told
+
+
+def test_two_runs_are_compared_by_the_function(run, file, tmp_path):
+    shutil.copytree(run, tmp_path / "again")
+    rows = json.loads(call("compare", run, tmp_path / "again", "--json", "--plugin", file))["metrics"]
+    assert [(row["a"], row["b"]) for row in rows if row["metric"] == "solved"] == [(0.5, 0.5)]
+
+
+def test_a_line_of_a_file_may_name_the_function(file, tmp_path):
+    line = {"id": "a", "instruction": "Walk.", "scene": "toy:0", "max_steps": 4, "success": "stopped_ahead"}
+    (tmp_path / "mine.jsonl").write_text(json.dumps(line) + "\n")
+    words = ("--agent", "walker", "--out", tmp_path / "run", "--in-process")
+    call("run", "--split", tmp_path / "mine.jsonl", "--plugin", file, *TOYS, *words)
+    assert "100.0%" in call("table", tmp_path / "run", "--only", "tasks", "--plugin", file)
+
+
+def test_without_the_function_nothing_is_scored_and_its_plugin_asked_for(run, caplog):
+    assert json.loads(call("table", run, "--json"))["tasks"]["rows"][0]["solved"]["value"] is None
+    assert "success is decided by 'stopped_ahead', which no plugin here brings" in caplog.text
+    assert "--plugin FILE" in caplog.text
+
+
+def test_a_split_is_found_by_the_name_of_its_function(file):
+    specs = load_split("stopped_ahead", Plugins.discover([file]))
+    assert [(spec.id, spec.success) for spec in specs] == [("near", "stopped_ahead"), ("late", "stopped_ahead")]
+    with pytest.raises(HumanclawError, match=r"Name one of .* a plugin's task, or a file"):
+        load_split("stopped_ahead")
+
+
+def test_a_task_is_still_the_function_that_it_decorates():
+    @task(EpisodeSpec(id="a", instruction="b", scene="c"))
+    def short(episode):
+        """Take few steps."""
+        return len(episode) < 3
+
+    assert [short([1]), short([1, 2, 3])] == [True, False]
+    assert (short.name, short.description) == ("short", "Take few steps.")
+
+
+@pytest.mark.parametrize(("body", "fault"), [(AHEAD, None), ("last.nothing", "nothing"), ('"yes"', "and no number")])
+def test_check_uses_the_function_of_a_task_once(file, body, fault):
+    file.write_text(FILE.replace("BODY", body))
+    told = [fault.message for report in check_target(str(file), Plugins.discover()) for fault in report.faults]
+    assert (told == []) if fault is None else (fault in told[0])
