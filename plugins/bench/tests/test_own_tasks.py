@@ -90,7 +90,7 @@ def test_a_line_of_a_file_may_name_the_function(file, tmp_path):
     assert "100.0%" in call("table", tmp_path / "run", "--only", "tasks", "--plugin", file)
 
 
-def test_without_the_function_nothing_is_scored_and_its_plugin_asked_for(run, caplog):
+def test_without_the_function_nothing_is_scored_and_it_is_asked_for(run, caplog):
     assert json.loads(call("table", run, "--json"))["tasks"]["rows"][0]["solved"]["value"] is None
     assert "success is decided by 'stopped_ahead', which no plugin here brings" in caplog.text
     assert "--plugin FILE" in caplog.text
