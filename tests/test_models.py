@@ -252,6 +252,14 @@ def nothing_beside(file: Gltf) -> None:
     file.head["meshes"][0]["primitives"] += [{"attributes": {}}, pair]
 
 
+def hidden_beside(file: Gltf) -> None:
+    """A hidden node hides the node below it, whose mesh is the same."""
+    plain(file)
+    hidden = {"children": [2], "extensions": {"KHR_node_visibility": {"visible": False}}}
+    file.head |= {"scenes": [{"nodes": [0, 1]}], "nodes": [{"mesh": 0}, hidden, {"mesh": 0}]}
+    file.head["extensionsRequired"] = ["KHR_node_visibility"]
+
+
 LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
     second_set: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ()),
     turned_texture: ((255, 255, 255), [[1, 1], [1, 3], [2, 1]], ()),
@@ -260,6 +268,7 @@ LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
     many_vertex_colours: ((155, 155, 155), None, ("vertex colours (drawn as their mean): 1",)),
     glossy: ((0, 186, 255), None, ()),
     lost_picture: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ("pictures that cannot be read (wood%20floor.png): 1",)),
+    hidden_beside: ((255, 186, 0), None, ("hidden pieces: 1",)),
     nothing_beside: ((255, 186, 0), None, ("pieces without a triangle: 2",)),
     points_beside: ((255, 186, 0), None, ("pieces of points or lines: 1",)),
 }
@@ -449,6 +458,16 @@ def test_a_polygon_that_cannot_be_cut_is_counted(tmp_path: Path) -> None:
     assert "cross themselves" in told
 
 
+@pytest.mark.parametrize("bend", [0.05, 0.1, 0.3])
+def test_a_doorway_is_open_in_a_wall_that_is_bent(tmp_path: Path, bend: float) -> None:
+    """One corner stands out by up to 30 cm, which makes the wall larger by less than a twentieth."""
+    for corner, first in product(range(len(WALL)), repeat=2):
+        corners = [f"{x} {y} {bend if k == corner else 0}" for k, (x, y) in enumerate(WALL)]
+        path = tmp_path / "model.obj"
+        path.write_text(obj(corners[first:] + corners[:first], [[*range(len(WALL))]]))
+        assert 10.5 <= whole_area(path) + 1e-9 < 11
+
+
 def whole_area(path: Path) -> float:
     return sum(float(trimesh.Trimesh(part.vertices, part.faces).area) for part in read_model(path).parts)
 
@@ -468,12 +487,18 @@ def packed_stl(*behind: bytes) -> bytes:
     return b"solid made by a CAD".ljust(80) + struct.pack("<I", 1) + corners + b"\0\0" + b"".join(behind)
 
 
+FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+TEXT_STL = f"solid a solid\n{FACET}endsolid\n"
 TRIANGLE = "v 0 0 0\nv 2 0 0\nv 0 1 0\n"
 AS_WRITTEN: dict[str, tuple[bytes, float]] = {
     "relative.obj": (f"{TRIANGLE}f -3 -2 -1\nv 0 0 1\nv 4 0 1\nv 0 1 1\nf -3//-1 -2//-1 -1//-1\n".encode(), 3.0),
     "blanks.obj": (f"\ufeff  {TRIANGLE}\tf\t1 2 3  # face\nfo 1 2 3\n".encode(), 2.0),
     "mac.obj": (f"{TRIANGLE}f 1 2 3\n".replace("\n", "\r").encode(), 1.0),
     "number.obj": (f"{TRIANGLE}usemtl Material #25\nf 1 2 3\n".encode(), 1.0),
+    "latin.obj": (f"# M\xf6bel\n{TRIANGLE}f 1 2 3\n".encode("latin-1"), 1.0),
+    "unicode.obj": (f"{TRIANGLE}f -3 -2 -1 # face\n".encode("utf-16"), 1.0),
+    "continued.obj": (f"{TRIANGLE}f 1 \\\r\n2 3\n".encode(), 1.0),
+    "text.stl": (b"\xef\xbb\xbf" + TEXT_STL.upper().encode(), 1.0),
     "colours.off": (b"COFF 3 1 0\n# vertices\n0 0 0 9 9 9 1\n2 0 0 9 9 9 1\n0 1 0 9 9 9 1\n3 0 1 2 255 0 0\n", 1.0),
     "headless.off": (b"3 1\n0 0 0\n2 0 0\n0 1 0\n3 0 1 2\n", 1.0),
     "little.ply": (packed_ply("<", "B", "i"), 14.5),
@@ -492,6 +517,26 @@ def test_a_file_is_read_as_programs_write_it(tmp_path: Path, name: str) -> None:
     sides = [part.vertices[part.faces] for part in read_model(tmp_path / name).parts]
     normals = np.concatenate([np.cross(side[:, 1] - side[:, 0], side[:, 2] - side[:, 0]) for side in sides])
     assert np.linalg.norm(normals, axis=1).sum() / 2 == pytest.approx(area)
+
+
+def test_every_table_of_materials_that_an_obj_names_is_read(tmp_path: Path) -> None:
+    """The names of tables and pictures may have blanks; a picture may be scaled by 2 and 3, and moved by 1."""
+    (tmp_path / "my red.mtl").write_text("newmtl Red one\nKd 1 0 0\n")
+    (tmp_path / "blue.mtl").write_text("newmtl Blue\nKd 0 0 1\n")
+    (tmp_path / "green.mtl").write_text("newmtl Green\nmap_Kd -s 2 3 1 -clamp on -bm 0.5 -o 1 0 0 2 gre en.png\n")
+    Image.new("RGB", (2, 2), (0, 160, 0)).save(tmp_path / "2 gre en.png")
+    faces = "usemtl Red one\nf 1 2 3\nusemtl Blue\nf 3 2 1\nusemtl Green\nf 1/1 2/2 3/3\nf 1 2 3\n"
+    text = f"mtllib my red.mtl blue.mtl\nmtllib green.mtl\n{TRIANGLE}vt 0 0\nvt 1 0\nvt 0 1\n{faces}"
+    (tmp_path / "model.obj").write_text(text)
+    model = read_model(tmp_path / "model.obj")
+    red, blue, green, bare = model.parts
+    assert [red.colour, blue.colour] == [(255, 0, 0), (0, 0, 255)]
+    assert green.uv is not None
+    assert green.picture is not None
+    assert green.uv[green.faces[0]].tolist() == [[1, 0], [3, 0], [1, 3]]
+    assert green.picture[0, 0].tolist() == [0, 160, 0]
+    assert bare.picture is None
+    assert model.left_out == ("pieces without places in their picture: 1",)
 
 
 def test_meshlabs_corners_have_places_in_the_picture_of_their_own(tmp_path: Path) -> None:
@@ -515,6 +560,11 @@ def test_meshlabs_corners_have_places_in_the_picture_of_their_own(tmp_path: Path
     ("commas.obj", f"{TRIANGLE}f 1 2 3\n".replace("2 0 0", "2,5 0,0 0,0").encode(), "decimal commas"),
     ("commas.stl", b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 1,5 0 0\n", "decimal commas"),
     ("solid.stl", packed_stl()[:-9], "ends after"), ("nought.obj", f"{TRIANGLE}f 0 1 2\n".encode(), "counts from 1"),
+    ("past.obj", f"{TRIANGLE}f 1 2 7\n".encode(), "names vertex 7 of 3"),
+    ("before.obj", f"{TRIANGLE}f 1 2 -4\n".encode(), "names vertex 0 of 3"),
+    ("facet.stl", TEXT_STL[: TEXT_STL.rindex("vertex")].encode(), "middle of a solid"),
+    ("second.stl", (TEXT_STL + TEXT_STL[:60]).encode(), "middle of a solid"),
+    ("model.dae", b"<COLLADA/>", "glb, gltf, obj, off, ply, stl"),
     ("fewer.stl", packed_stl(bytes(50)), "counts 1 triangles; it holds 2"),
     ("cut.off", b"OFF 3 1 0\n0 0 0\n2 0 0\n0 1 0\n", "3 of 4 lines"), ("four.off", b"4OFF 3 1 0\n", "4OFF"),
 ])  # fmt: skip

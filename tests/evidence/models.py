@@ -16,7 +16,7 @@ import trimesh
 from humanclaw.errors import SceneError
 from humanclaw.world import read_model
 
-KINDS = {".dae", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl"}
+KINDS = {".glb", ".gltf", ".obj", ".off", ".ply", ".stl"}
 Row = tuple[str, str, str]
 
 

@@ -23,7 +23,7 @@ from PIL import Image
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB
-from humanclaw.world.meshes.parts import MOST, Part, pixels
+from humanclaw.world.meshes.parts import MOST, PLAIN, Part, pixels
 
 _GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -32,10 +32,9 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _PIECES: Final = 20_000
 """Maximum pieces of a model, copies included: each takes a tenth of a millisecond and more."""
 _BLANK_BYTES: Final = 256 * MIB
-_PLAIN: Final = (102, 102, 102)
-"""sRGB colour of a piece without a material."""
 _DRACO: Final = "KHR_draco_mesh_compression"
 _COPIES: Final = "EXT_mesh_gpu_instancing"
+_VISIBLE: Final = "KHR_node_visibility"
 _GLOSS, _TURNED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
 _HARMLESS: Final = (
     "KHR_materials_",
@@ -44,7 +43,9 @@ _HARMLESS: Final = (
     "EXT_texture_",
     "KHR_lights_",
     "KHR_mesh_quantization",
+    "KHR_animation_pointer",
     _COPIES,
+    _VISIBLE,
 )
 """How the required extensions begin that are read, or that leave the shape of a model as it is."""
 _FETCH: Final = "Fetch the file again."
@@ -102,11 +103,14 @@ class _File:
     beside: Callable[[str], bytes]
     lost: Counter[str]
     buffers: dict[int, bytes] = field(default_factory=dict)
+    hidden: set[int] = field(default_factory=set)
+    """Nodes of the scene that are hidden, themselves or below another."""
     pictures: dict[tuple[int, tuple[int, int, int]], NDArray[np.uint8] | None] = field(default_factory=dict)
 
     def parts(self) -> Iterator[Part]:
         places = self._places()
-        nodes = [(number, self.head["nodes"][number]) for number in places]
+        nodes = [(number, self.head["nodes"][number]) for number in places if number not in self.hidden]
+        self.lost.update("hidden pieces" for number in self.hidden if "mesh" in self.head["nodes"][number])
         shown = [(number, node, copy) for number, node in nodes if "mesh" in node for copy in self._copies(node)]
         self._check_size([self.head["meshes"][node["mesh"]] for _, node, _ in shown])
         for number, node, copy in shown:
@@ -170,12 +174,14 @@ class _File:
         inner = {child for node in nodes for child in node.get("children", ())}
         scenes = self.head.get("scenes")
         roots = scenes[self.head.get("scene", 0)].get("nodes", ()) if scenes else sorted(set(range(len(nodes))) - inner)
-        places, left = dict[int, Array](), [(root, np.eye(4)) for root in roots]
+        places, left = dict[int, Array](), [(root, np.eye(4), True) for root in roots]
         while left:
-            number, above = left.pop()
+            number, above, seen = left.pop()
             if number not in places:
                 places[number] = above @ _frame(nodes[number])
-                left += [(child, places[number]) for child in nodes[number].get("children", ())]
+                seen &= nodes[number].get("extensions", {}).get(_VISIBLE, {}).get("visible", True)
+                self.hidden |= set() if seen else {number}
+                left += [(child, places[number], seen) for child in nodes[number].get("children", ())]
         return places
 
     def _bones(self, piece: _Piece, places: dict[int, Array], node: int) -> Array:
@@ -337,7 +343,7 @@ class _Piece:
         light = np.clip(np.array(factor[:3], float), 0, 1) * self._tint()
         # glTF keeps its factors in linear light. In bytes first: a colour then is the same as ever.
         red, green, blue = np.round(255 * (np.round(255 * light) / 255) ** (1 / 2.2)).astype(int).tolist()
-        colour = (red, green, blue) if "material" in self.facts or "COLOR_0" in self else _PLAIN
+        colour = (red, green, blue) if "material" in self.facts or "COLOR_0" in self else PLAIN
         picture = None if texture is None else self.file.picture(texture["index"], colour)
         return colour, picture, None if texture is None else self._uv(texture)
 

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from io import BytesIO
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from humanclaw.body.pose import Array
+from humanclaw.errors import SceneError
 
 MOST: Final = 20_000_000
 """Maximum vertices and triangles of a model, copies included."""
+PLAIN: Final = (102, 102, 102)
+"""sRGB colour of what has none."""
 _LARGEST_PICTURE: Final = 8192 * 8192
 """Maximum pixels of a picture."""
 _PIXELS: Final = 2048
@@ -45,6 +52,31 @@ def pixels(image: Image.Image, tint: tuple[int, int, int]) -> NDArray[np.uint8]:
     mean = (rgba[..., :3] * opaque).sum(axis=(0, 1)) / max(float(opaque.sum()), 1e-6)
     filled = rgba[..., :3] * opaque + mean * (1 - opaque)
     return np.asarray(np.clip(np.round(filled * np.array(tint) / 255), 0, 255), np.uint8)
+
+
+def picture_of(name: str, beside: Callable[[str], bytes], lost: Counter[str]) -> NDArray[np.uint8] | None:
+    """Return the pixels of a picture's file; None, and a count in lost, for one that cannot be read."""
+    try:
+        return pixels(Image.open(BytesIO(beside(name))), (255, 255, 255))
+    except Exception:  # Decoders fail on broken pictures in every way there is.
+        lost[f"files that cannot be read ({name})"] += 1
+        return None
+
+
+def mean_colour(values: NDArray[Any]) -> tuple[int, int, int]:
+    """Return the mean of (N, 3) colours; numbers with a point go up to 1, unless one is larger."""
+    whole = values.dtype.kind != "f" or values.max(initial=0) > 1
+    mean = np.clip(values.mean(axis=0, dtype=float) * (1 if whole else 255), 0, 255)
+    red, green, blue = mean.round().astype(int).tolist()
+    return red, green, blue
+
+
+def text_of(data: bytes) -> str:
+    """Return a model in text, in UTF-8 or UTF-16. Raises SceneError for decimal commas."""
+    text = data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig", "replace")
+    if re.search(r"(?m)^\s*v(?:ertex)?\s[^\n]*\d,\d", text):
+        raise SceneError("its numbers have decimal commas.", "Export it with decimal points.")
+    return text
 
 
 def bounds(parts: Sequence[Part]) -> tuple[Array, Array]:

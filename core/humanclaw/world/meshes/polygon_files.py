@@ -1,4 +1,4 @@
-"""PLY and OFF files with polygons of any number of corners, and OBJ and STL files as trimesh takes them."""
+"""PLY, OFF and STL files."""
 
 from __future__ import annotations
 
@@ -6,18 +6,16 @@ import re
 import struct
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from io import BytesIO
 from itertools import islice
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from humanclaw.errors import SceneError
-from humanclaw.world.meshes.parts import Part, pixels
+from humanclaw.body.pose import Array
+from humanclaw.world.meshes.parts import PLAIN, Part, mean_colour, picture_of, text_of
+from humanclaw.world.meshes.polygons import cut
 
-Indices = NDArray[np.int64]
 Rows = NDArray[Any]
 
 _KINDS: Final = {
@@ -28,8 +26,6 @@ _KINDS: Final = {
 _CORNERS: Final = ("vertex_indices", "vertex_index")
 _RGB: Final = ("red", "green", "blue")
 _UV: Final = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
-_PLAIN: Final = (102, 102, 102)
-"""sRGB colour of a model without colours."""
 
 
 class _Field(NamedTuple):
@@ -54,9 +50,10 @@ def ply_part(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) ->
         points = points[np.concatenate([loop.ravel() for loop in loops])]
         starts = np.cumsum([0, *(loop.size for loop in loops)])
         loops = [start + np.arange(loop.size).reshape(loop.shape) for start, loop in zip(starts, loops, strict=False)]
-    texture = _picture(picture, beside, lost) if picture and uv is not None else None
-    colour = next((_mean(rows) for rows in (vertex, *faces) if len(rows) and {*_RGB} <= _names(rows)), _PLAIN)
-    return Part(points, _fans(loops), None if uv is None else uv.astype(float), colour, texture)
+    texture = picture_of(picture, beside, lost) if picture and uv is not None else None
+    coloured = [rows for rows in (vertex, *faces) if len(rows) and {*_RGB} <= _names(rows)]
+    colour = mean_colour(np.stack([coloured[0][key] for key in _RGB], axis=1)) if coloured else PLAIN
+    return Part(points, cut(points, loops, lost), None if uv is None else uv.astype(float), colour, texture)
 
 
 def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
@@ -136,35 +133,10 @@ def _names(rows: Rows) -> set[str]:
     return set(rows.dtype.names or ())
 
 
-def _mean(rows: Rows) -> tuple[int, int, int]:
-    """Return the mean colour of rows; numbers with a point go up to 1, unless one is larger."""
-    colour = np.array([rows[key].astype(float).mean() for key in _RGB])
-    whole = rows["red"].dtype.kind != "f" or rows["red"].max() > 1
-    red, green, blue = np.clip(colour if whole else 255 * colour, 0, 255).round().astype(int).tolist()
-    return red, green, blue
-
-
-def _picture(name: str, beside: Callable[[str], bytes], lost: Counter[str]) -> NDArray[np.uint8] | None:
-    try:
-        return pixels(Image.open(BytesIO(beside(name))), (255, 255, 255))
-    except Exception:  # Decoders fail on broken pictures in every way there is.
-        lost[f"files that cannot be read ({name})"] += 1
-        return None
-
-
-def _fans(loops: Iterable[Indices]) -> Indices:
-    """Return (M, 3) triangles of polygons, (K, corners) of each number of corners, as fans from their first corner."""
-    parts = [np.zeros((0, 3), np.int64)]
-    for loop in loops:
-        first = np.broadcast_to(loop[:, :1], loop[:, 2:].shape)
-        parts.append(np.stack([first, loop[:, 1:-1], loop[:, 2:]], axis=-1).reshape(-1, 3))
-    return np.concatenate(parts)
-
-
 # -- the others --------------------------------------------------------------------------------------------------------
-def off_part(data: bytes) -> Part:
-    """Return the triangles of an OFF file, whose colours and normals are left out."""
-    text = "\n".join(line.partition("#")[0] for line in data.decode("utf-8", "replace").splitlines())
+def off_part(data: bytes, lost: Counter[str]) -> Part:
+    """Return the triangles of an OFF file, whose colours and normals are left out. lost: counts what is, too."""
+    text = "\n".join(line.partition("#")[0] for line in text_of(data).splitlines())
     head, *rows = [words for line in re.sub(r"^\s*(ST)?C?N?OFF", "", text).splitlines() if (words := line.split())]
     if not head[0].isdecimal():
         raise ValueError(f"it must be an OFF file in text; it begins with {head[0][:20]!r}")
@@ -175,48 +147,29 @@ def off_part(data: bytes) -> Part:
         groups[int(row[0])].append(row[1 : int(row[0]) + 1])
     if len(rows) < vertices + count:
         raise ValueError(f"it ends after {len(rows)} of {vertices + count} lines")
-    return Part(points, _fans(np.array(loops, np.int64) for loops in groups.values()), None, _PLAIN)
+    return Part(points, cut(points, (np.array(loops, np.int64) for loops in groups.values()), lost), None, PLAIN)
 
 
-def plain_obj(data: bytes) -> bytes:
-    """Return an OBJ file as trimesh takes it: no blanks before a line, no comments after a face, absolute numbers."""
-    _check_points(data)
-    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\t", b" ")
-    data = data if b"\n" in data else data.replace(b"\r", b"\n")
-    data = re.sub(rb"(?m)^ *fo? ", b"f ", re.sub(rb"(?m)^ +", b"", data))
-    data = re.sub(rb"(?m)^((?:f|v[nt]?) [^#\r\n]*)#.*$", rb"\1", data)
-    if re.search(rb"(?m)^f[^\n]* 0+(?=[/\s]|$)", data):
-        raise SceneError("a face names corner 0: OBJ counts from 1.", "Add 1 to the numbers of its faces.")
-    if not re.search(rb"(?m)^f[^\n]* -", data):
-        return data
-    lines, counts = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").split(b"\n"), Counter[bytes]()
-    for number, line in enumerate(lines):
-        first, *words = line.split() or [b""]
-        counts[first] += 1
-        if first == b"f":  # -1 is the last vertex before this line, not the last of the file.
-            lines[number] = b"f " + b" ".join(_absolute(word, counts) for word in words)
-    return b"\n".join(lines)
+def stl_part(data: bytes) -> Part:
+    """Return the triangles of an STL file, in bytes or text. Raises ValueError if it holds more or fewer."""
+    corners = _stl_bytes(data) if b"\0" in data else _stl_text(text_of(data))
+    return Part(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), None, PLAIN)
 
 
-def _check_points(text: bytes) -> None:
-    if re.search(rb"(?m)^\s*v(?:ertex)? [^\n]*\d,\d", text):
-        raise SceneError("its numbers have decimal commas.", "Export it with decimal points.")
-
-
-def _absolute(corner: bytes, counts: Counter[bytes]) -> bytes:
-    """Return a corner, vertex/uv/normal, with its relative numbers counted from the beginning. counts: so far."""
-    pairs = zip(corner.split(b"/"), (b"v", b"vt", b"vn"), strict=False)
-    return b"/".join(b"%d" % (counts[kind] + 1 + int(n)) if n.startswith(b"-") else n for n, kind in pairs)
-
-
-def whole_stl(data: bytes) -> bytes:
-    """Return an STL file without bytes behind its triangles. Raises ValueError if it holds more or fewer."""
-    if b"\0" not in data:
-        _check_points(data)
+def _stl_bytes(data: bytes) -> Array:
     size = 84 + 50 * struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 84
-    if size > len(data) and (b"\0" in data or not data.lstrip()[:5].lower() == b"solid"):
+    if size > len(data):
         raise ValueError(f"it ends after {len(data)} of {size} bytes")
     held, rest = divmod(len(data) - 84, 50)
     if not rest and len(data) > size:
         raise ValueError(f"its header counts {(size - 84) // 50} triangles; it holds {held}")
-    return data[:size]
+    rows = np.frombuffer(data[84:size], [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
+    return rows["corners"].astype(float)
+
+
+def _stl_text(text: str) -> Array:
+    lines = [words for line in text.lower().splitlines() if (words := line.split())]
+    counts = Counter(first for first, *_ in lines)
+    if counts["endsolid"] < counts["solid"] or counts["vertex"] != 3 * counts["facet"]:
+        raise ValueError("it ends in the middle of a solid")
+    return np.array([words[1:4] for words in lines if words[0] == "vertex"], float)
