@@ -1,5 +1,7 @@
 """The poses that a motion continues: the model's own, or the simulated body's."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from hosting import plugin
@@ -7,7 +9,7 @@ from hosting import plugin
 from humanclaw import Backends, Body, Call, HumanclawError, Plugins
 from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, heading
 from humanclaw.checks.fakes import FAKE, FakeGenerator, Fakes
-from humanclaw.motion import DiTGenerator
+from humanclaw.motion import PROFILES, DiTGenerator
 from humanclaw.testing import fake_scene
 from humanclaw.world import SceneBuilder
 
@@ -110,3 +112,9 @@ def test_feet_do_not_push_a_body_off_a_seat_whose_back_has_lifted_it(seed):
         *_, last = body.execute(Call("sit_in_place", {"h_cm": 52})).chunks
     # Hips that rest on the seat are at 0.41 + 0.14 m; feet that reached for the floor meanwhile left them at 0.559.
     assert last.execution.simulated.root[-1, 1] == pytest.approx(0.55, abs=0.003)
+
+
+def test_the_papers_profile_switches_every_correction_off():
+    settings = asdict(PROFILES["paper"])
+    assert str(PROFILES["paper"].solver) == "midpoint, 30 steps"
+    assert not any(value for name, value in settings.items() if name != "solver")

@@ -32,14 +32,14 @@ def _way(motion: Motion) -> float:
 
 def test_a_first_step_that_slides_is_drawn_again_until_one_does_not():
     draws = _Draws(8.0, 5.0, 0.5)
-    (future,) = best_of_n([rest_pose(5)], draws)
+    (future,) = best_of_n([rest_pose(5)], draws, 3)
     assert _way(future) == pytest.approx(0.5)
     assert draws.drawn == [(0,), (0,), (0,)]
 
 
 def test_when_all_slide_the_one_that_slides_least_is_taken():
     draws = _Draws(8.0, 5.0, 7.0, 6.0)
-    (future,) = best_of_n([rest_pose(5)], draws)
+    (future,) = best_of_n([rest_pose(5)], draws, 3)
     assert _way(future) == pytest.approx(5.0)
     assert len(draws.drawn) == 4
 
@@ -47,12 +47,12 @@ def test_when_all_slide_the_one_that_slides_least_is_taken():
 def test_who_walks_already_is_drawn_once_however_he_slides():
     walking = _gliding(10.0, 5)
     draws = _Draws(8.0)
-    assert _way(best_of_n([walking], draws)[0]) == pytest.approx(8.0)
+    assert _way(best_of_n([walking], draws, 3)[0]) == pytest.approx(8.0)
     assert draws.drawn == [(0,)]
 
 
 def test_of_many_only_those_that_slide_are_drawn_again():
     draws = _Draws(8.0, 0.5)
-    futures = best_of_n([rest_pose(5), _gliding(10.0, 5), rest_pose(5)], draws)
+    futures = best_of_n([rest_pose(5), _gliding(10.0, 5), rest_pose(5)], draws, 3)
     assert [_way(future) for future in futures] == pytest.approx([0.5, 8.0, 0.5])
     assert draws.drawn == [(0, 1, 2), (0, 2)]

@@ -92,5 +92,3 @@ def test_the_usual_pose_is_that_of_the_data():
     assert usual.shape == (24, 3)
     assert usual[0] == pytest.approx(0)
     assert 10 < np.degrees(usual[JOINT_INDEX["left_knee"], 0]) < 60  # people who mostly move
-    assert DiTGenerator.load().corrections
-    assert not DiTGenerator.load(profile="paper").corrections

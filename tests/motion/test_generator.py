@@ -13,6 +13,7 @@ from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
+from humanclaw.motion.profile import MotionProfile
 from humanclaw.motion.runtime import reread
 
 AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}
@@ -21,7 +22,7 @@ TURNING = {"x": 0.0, "z": 0.1, "yaw": 0.3}
 
 @pytest.fixture(scope="module")
 def generator(base):
-    return DiTGenerator(base, Solver("midpoint", 2))
+    return DiTGenerator(base, MotionProfile(Solver("midpoint", 2)))
 
 
 def _same(one: Motion, other: Motion, tolerance: float = 0.0) -> bool:
@@ -86,8 +87,8 @@ def test_another_process_generates_the_same_bits(generator, base_file, walk_file
     here = generator.generate(generator.start(), walk_file, AHEAD, (1,)).rotations.tobytes()
     script = (
         "import hashlib, sys; from pathlib import Path; from humanclaw.motion.checkpoint import load_base;"
-        "from humanclaw.motion.flow import Solver; from humanclaw.motion.generator import DiTGenerator;"
-        "generator = DiTGenerator(load_base(Path(sys.argv[1])), Solver('midpoint', 2));"
+        "from humanclaw.motion import DiTGenerator, MotionProfile, Solver;"
+        "generator = DiTGenerator(load_base(Path(sys.argv[1])), MotionProfile(Solver('midpoint', 2)));"
         f"motion = generator.generate(generator.start(), Path(sys.argv[2]), {AHEAD}, (1,));"
         "print(hashlib.sha256(motion.rotations.tobytes()).hexdigest())"
     )

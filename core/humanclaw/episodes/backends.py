@@ -35,7 +35,7 @@ class Backends:
     renderer: str = "raster"
     generator: str = "dit"
     profile: str = "default"
-    """'default' or 'paper': settings of the simulator and of the motion solver."""
+    """'default' or 'paper': settings of the simulator and of generated motion."""
     sensors: tuple[str, ...] = (VISION,)
     """Senses that an observation reports (see SENSORS)."""
     prior: str = SHIPPED

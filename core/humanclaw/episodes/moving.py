@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from humanclaw.body.hand_thigh_contact import lay_hands
 from humanclaw.body.pose import FPS, FUTURE, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import Backends
 from humanclaw.motion.carrying import Arms
 from humanclaw.motion.generator import MotionGenerator
+from humanclaw.motion.profile import motion_profile
 from humanclaw.motion.stand_up import is_down, rise
 from humanclaw.records.feedback import HandAim
 from humanclaw.skills.contract import Skill, untrained
@@ -37,7 +37,7 @@ class Mover:
         scene: Scene, start: Pose2D,
     ) -> None:  # fmt: skip
         """Stand the body on its start, with every object at rest."""
-        self._backends, self.adapters = backends, adapters
+        self._profile, self._source, self.adapters = motion_profile(backends.profile), backends.motion_history, adapters
         self._generator, self._simulator = generator, simulator
         self.history = stand(simulator, generator, scene, start)
         """The five frames that the next motion continues (world frame)."""
@@ -54,18 +54,19 @@ class Mover:
     @property
     def must_rise(self) -> bool:
         """Whether the body has to rise before it steps: the motion model steps from standing alone."""
-        return self._backends.profile != "paper" and is_down(self.state.body)
+        return self._profile.rises and is_down(self.state.body)
 
     def rising(self) -> Motion:
         """Return the motion that stands the body up."""
         return rise(self.state.body, self._generator.start())
 
     def generate(self, owner: Skill | None, part: Control, key: tuple[int, ...]) -> Motion:
-        """Generate the motion of a control. But for the paper's profile, correct the heading error of earlier calls.
+        """Generate the motion of a control, whose command corrects the heading error of earlier calls if the profile
+        says so.
 
         owner: the skill of its adapter, if that is installed. key: seed of its random numbers.
         """
-        owner = None if self._backends.profile == "paper" else owner
+        owner = owner if self._profile.steers else None
         values = part.values if owner is None else self._heading.steer(owner, part.values)
         adapter = self.adapters.of(part.adapter, self._generator.digest)
         motion = self._generator.generate(self.history, adapter, values, key)
@@ -75,18 +76,19 @@ class Mover:
 
     def simulate(self, motion: Motion, part: Part) -> Chunk:
         """Drive the body through the motion of a part."""
-        # A model that goes on from the simulated hands would meet hands that it has never seen.
-        generated = self._backends.motion_history == "generated" and self._backends.profile != "paper"
-        laid = lay_hands(motion) if isinstance(part, Control) and generated else motion
-        commanded = self.arms.over(laid, arms_of(part), self.state.body)
+        commanded = motion
+        # A simulated history would hold the corrections that the next chunk must not see.
+        if isinstance(part, Control) and self._source == "generated":
+            for correct in self._profile.driven:
+                commanded = correct(commanded)
+        commanded = self.arms.over(commanded, arms_of(part), self.state.body)
         return self._moved(motion, part, Chunk(commanded, self._simulator.execute(commanded)))
 
     def _moved(self, motion: Motion, part: Part, chunk: Chunk) -> Chunk:
         """Go on from where a chunk of a part's motion has brought the body."""
         self.state = self._simulator.state()
         self.arms.after(chunk.execution.simulated, self.state.held, arms_of(part))
-        source = self._backends.motion_history
-        self.history = next_history(self.history, motion, chunk.execution.simulated, source)
+        self.history = next_history(self.history, motion, chunk.execution.simulated, self._source)
         return chunk
 
     def stands(self) -> Motion:

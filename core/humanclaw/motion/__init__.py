@@ -41,7 +41,6 @@ if TYPE_CHECKING:
         time_frequencies as time_frequencies,
     )
     from humanclaw.motion.flow import (
-        PROFILES as PROFILES,
         SIGMA_MIN as SIGMA_MIN,
         Solver as Solver,
         noise_of as noise_of,
@@ -53,6 +52,11 @@ if TYPE_CHECKING:
         TOE_END as TOE_END,
         apart as apart,
         widened as widened,
+    )
+    from humanclaw.motion.profile import (
+        PROFILES as PROFILES,
+        MotionProfile as MotionProfile,
+        motion_profile as motion_profile,
     )
     from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Runtime as Runtime, reread as reread
 

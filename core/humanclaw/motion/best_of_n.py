@@ -18,21 +18,19 @@ _STANDS: Final = 0.1
 """Metres a second. A body with both toes slower than this at the end of the history stands."""
 _SLIDES: Final = 0.01
 """Metres by which both feet may slide; a proper step slides by a tenth of that."""
-_DRAWS: Final = 4
-"""Maximum redraws. Each fails once in twenty."""
 
 Draw = Callable[[Sequence[int], int], Sequence[Motion]]
 """Maps indices of bodies and the number of the attempt to futures."""
 
 
-def best_of_n(histories: Sequence[Motion], draw: Draw) -> list[Motion]:
-    """Return the futures of the first draw; one that slides is replaced by the least sliding of up to three more.
+def best_of_n(histories: Sequence[Motion], draw: Draw, redraws: int) -> list[Motion]:
+    """Return the futures of the first draw; one that slides is replaced by the least sliding of all its draws.
 
     histories: in the same frame as the drawn futures.
     """
     futures = list(draw(range(len(histories)), 0))
     slides = [_slide(*pair) for pair in zip(histories, futures, strict=True)]
-    for attempt in range(1, _DRAWS):
+    for attempt in range(1, 1 + redraws):
         again = [index for index, slide in enumerate(slides) if slide > _SLIDES]
         for index, future in zip(again, draw(again, attempt) if again else (), strict=True):
             slide = _slide(histories[index], future)

@@ -66,11 +66,6 @@ class Solver:
         return f"{self.method}, {self.steps} steps{grid}"
 
 
-PROFILES: Final = {"default": Solver("euler", 3, power=2.0), "paper": Solver("midpoint", 30)}
-"""`default`: as few evaluations as the feet allow. On a uniform grid, Euler steps average a left-first and a
-right-first step."""
-
-
 def velocity(prediction: Prediction, output: Any, noisy: Any, tau: Any) -> Any:
     """Return the velocity that a model's output means. Arrays and tensors alike. tau: below 1, alone or (B, 1, 1)."""
     if prediction == "velocity":

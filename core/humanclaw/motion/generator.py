@@ -12,17 +12,13 @@ from typing import Protocol
 import numpy as np
 
 from humanclaw.body.pose import HISTORY, Motion, Pose2D, decode, encode
-from humanclaw.errors import HumanclawError
 from humanclaw.motion.best_of_n import best_of_n
 from humanclaw.motion.checkpoint import Base, load_base, shipped_base
-from humanclaw.motion.drift_correction import correct_drift
-from humanclaw.motion.flow import PROFILES, Solver, noise_of
-from humanclaw.motion.foot_locking import lock_feet
+from humanclaw.motion.flow import Solver, noise_of
+from humanclaw.motion.profile import PROFILES, MotionProfile, motion_profile
 from humanclaw.motion.runtime import NumpyRuntime, Runtime
 
 RuntimeFactory = Callable[[Base, Solver], Runtime]
-Corrector = Callable[[Motion, Motion], Motion]
-"""Maps a history and its future, in the canonical frame of the chunk, to the corrected future."""
 
 
 class MotionGenerator(Protocol):
@@ -44,24 +40,13 @@ class MotionGenerator(Protocol):
 
 
 class DiTGenerator:
-    """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
-
-    corrections: what each future passes through, in order; by default drift_correction, then foot_locking. With any,
-    first steps on which both feet slide are drawn again (best_of_n). Without, the motion is the model's raw output.
-    """
+    """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes."""
 
     def __init__(
-        self,
-        base: Base,
-        solver: Solver,
-        corrections: Sequence[Corrector] | None = None,
-        runtime: RuntimeFactory = NumpyRuntime,
+        self, base: Base, profile: MotionProfile = PROFILES["default"], runtime: RuntimeFactory = NumpyRuntime
     ) -> None:
-        self.base, self.solver = base, solver
-        # Drift first: feet are locked where the corrected legs have them.
-        default = (lambda _, future: correct_drift(future, base.usual), lock_feet)
-        self.corrections: Sequence[Corrector] = default if corrections is None else corrections
-        self._runtime = runtime(base, solver)
+        self.base, self.profile = base, profile
+        self._runtime = runtime(base, profile.solver)
 
     @classmethod
     def load(
@@ -69,15 +54,12 @@ class DiTGenerator:
     ) -> DiTGenerator:
         """Read a base checkpoint; None for the one that comes with the package.
 
-        profile: `default` for few solver steps and all corrections, `paper` for the paper's 30 steps without
-        corrections. runtime: makes what computes the model's output.
+        profile: a name of PROFILES. runtime: makes what computes the model's output.
 
         Raises HumanclawError for an unknown profile, CheckpointError if the weights are missing.
         """
-        if profile not in PROFILES:
-            raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
-        base = load_base(prior or shipped_base())
-        return cls(base, PROFILES[profile], corrections=() if profile == "paper" else None, runtime=runtime)
+        settings = motion_profile(profile)
+        return cls(load_base(prior or shipped_base()), settings, runtime)
 
     @property
     def digest(self) -> str:
@@ -115,7 +97,7 @@ class DiTGenerator:
             drawn = [(*keys[body], attempt) if attempt else keys[body] for body in bodies]
             return self._drawn([local[body] for body in bodies], adapter, [values[body] for body in bodies], drawn)
 
-        futures = best_of_n(local, draw) if self.corrections else draw(range(len(local)), 0)
+        futures = best_of_n(local, draw, self.profile.redraws)
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
     def _drawn(
@@ -129,8 +111,8 @@ class DiTGenerator:
         clean = np.stack([encode(history) for history in local]).astype(np.float32)
         future = self._runtime.solve(self.base.normaliser.forward(clean), noise_of(keys), adapter, values)
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
-        for correct in self.corrections:
-            futures = [correct(*pair) for pair in zip(local, futures, strict=True)]
+        for correct in self.profile.future:
+            futures = [correct(*pair, self.base.usual) for pair in zip(local, futures, strict=True)]
         return futures
 
 

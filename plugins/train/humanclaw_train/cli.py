@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
@@ -71,9 +72,9 @@ def _weights(function: F) -> F:
 
         plugins = Plugins.discover()
         known = rollouts.adapters(adapters) if adapters else rollouts.installed(plugins)
-        solver = Solver(method, steps) if steps else PROFILES[profile]
-        corrections = () if profile == "paper" else None
-        generator = DiTGenerator(load_base(base or shipped_base()), solver, corrections)
+        settings = PROFILES[profile]
+        settings = replace(settings, solver=Solver(method, steps)) if steps else settings
+        generator = DiTGenerator(load_base(base or shipped_base()), settings)
         paths = functools.partial(rollouts.wanted, known, [name.strip() for name in skills.split(",") if name.strip()])
         return function(generator=generator, paths=paths, plugins=plugins, **more)
 
@@ -171,7 +172,7 @@ def naturalness(
     if as_json:
         print(markdown.as_json(tables))
     else:
-        print(f"{subject.generator.solver}; base {subject.generator.digest}")
+        print(f"{subject.generator.profile.solver}; base {subject.generator.digest}")
 
 
 @click.command()

@@ -191,7 +191,7 @@ class Model(nn.Module):
 
     def generate(self, history: Tensor, values: Tensor, noise: Tensor) -> Tensor:
         """Return the futures (B, 15, 219) of states (B, 5, 219) in metres and radians, by the default solver."""
-        normal, condition, solver = self.normaliser.forward(history), self.encode(values), PROFILES["default"]
+        normal, condition, solver = self.normaliser.forward(history), self.encode(values), PROFILES["default"].solver
 
         def field(index: int, noisy: Tensor) -> Tensor:
             tau = torch.full((len(noisy),), solver.times[index], device=noisy.device)

@@ -1,5 +1,6 @@
 """Tests that the motion model in torch and the runtime without torch compute the same."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_the_papers_size_has_38_million_parameters():
 
 
 def test_the_papers_solver_takes_30_midpoint_steps_through_the_flow():
-    solver = PROFILES["paper"]
+    solver = PROFILES["paper"].solver
     assert (solver.method, solver.steps, len(solver.times)) == ("midpoint", 30, 60)
     np.testing.assert_allclose(solver.times, np.arange(60) / 60, atol=1e-12)
 
@@ -120,10 +121,10 @@ def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float
     ("skill", "profile"), [*((skill, "default") for skill in [*SHIPPED, "base"]), ("base", "paper")]
 )
 def test_the_runtime_generates_what_the_definition_does(skill, profile):
-    path, solver = SHIPPED.get(skill), PROFILES[profile]
+    path, solver = SHIPPED.get(skill), PROFILES[profile].solver
     command = Command.of(skill, path) if path else None
     values = command.named(command.draw(1, np.random.default_rng(0))[0]) if command else {}
-    generator = DiTGenerator(DiTGenerator.load().base, solver, corrections=())
+    generator = DiTGenerator(DiTGenerator.load().base, replace(PROFILES["paper"], solver=solver))
     run = generator.generate(generator.start(), path, values, (3,))
     defined = _defined(generator.start(), path, values, 3, solver)
     assert np.abs(run.root - defined.root).max() < 1e-5

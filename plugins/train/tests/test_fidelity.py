@@ -10,7 +10,7 @@ from tiny_motion import write_adapter
 
 from humanclaw import CheckpointError, PluginError
 from humanclaw.body import STANDING_HEIGHT, Motion, Pose2D, rest_pose
-from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
+from humanclaw.motion import AdapterConfig, DiTGenerator, MotionProfile, Solver, load_base
 from humanclaw.skills import HIPS, floor_for, floor_scene
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.eval.fidelity import FidelityReport, achieved, baseline, measured, rows_table
@@ -26,7 +26,7 @@ def still(tmp_path_factory, still_base):
     config = AdapterConfig("step_back", "mlp", ("z",), (0.25,), (0.2,))
     path = write_adapter(folder / "step_back" / "adapter.safetensors", base, config, scale=0.0)
     declare(path.parent)
-    return DiTGenerator(base, Solver("midpoint", 2)), path
+    return DiTGenerator(base, MotionProfile(Solver("midpoint", 2))), path
 
 
 def test_a_body_that_does_nothing_achieves_nothing(still):

@@ -10,7 +10,7 @@ from tiny_motion import write_adapter
 
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, STANDING_HEIGHT, rest_pose
-from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
+from humanclaw.motion import AdapterConfig, DiTGenerator, MotionProfile, Solver, load_base
 from humanclaw_train.data.chunks import Chunks, canonical, stacked
 from humanclaw_train.eval import scenarios, walks
 from humanclaw_train.eval.likeness import PRIOR, free_running, held_out, likeness, naturalness, prior, skills
@@ -45,7 +45,7 @@ def still(tmp_path_factory, still_base):
 
 @pytest.fixture(scope="module")
 def generator(still):
-    return DiTGenerator(load_base(still / "base.safetensors"), Solver("euler", 1))
+    return DiTGenerator(load_base(still / "base.safetensors"), MotionProfile(Solver("euler", 1)))
 
 
 @pytest.fixture(scope="module")

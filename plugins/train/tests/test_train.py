@@ -15,7 +15,7 @@ from gliding import gliding, save_chunks
 
 from humanclaw import HumanclawError
 from humanclaw.body import Motion, Pose2D, rest_pose
-from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base, read_header
+from humanclaw.motion import DiTGenerator, ModelConfig, MotionProfile, Solver, load_adapter, load_base, read_header
 from humanclaw_train import train
 from humanclaw_train.data import tensors
 from humanclaw_train.data.tensors import commanded, noisy_history
@@ -81,7 +81,7 @@ def test_an_adapter_learns_to_cover_the_commanded_distance(chunks, backwards, tm
     fast = ("--rate", "3e-3", "--history-noise", "0")
     base = _base(chunks, tmp_path, "--steps", "400", *fast)
     path = _adapter(backwards, base, tmp_path / "step_back", "--steps", "200", *fast)
-    generator = DiTGenerator(load_base(base), Solver("midpoint", 2))
+    generator = DiTGenerator(load_base(base), MotionProfile(Solver("midpoint", 2)))
     start = generator.start()
     for told in (0.15, 0.35):
         future = generator.generate(start, path, {"z": told}, (0,))

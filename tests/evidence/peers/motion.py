@@ -16,15 +16,15 @@ from perf import spent
 
 from humanclaw import Plugins
 from humanclaw.body.pose import encode
-from humanclaw.motion import DiTGenerator, shipped_base, velocity
-from humanclaw.motion.flow import PROFILES, noise_of
+from humanclaw.motion import PROFILES, DiTGenerator, shipped_base, velocity
+from humanclaw.motion.flow import noise_of
 from humanclaw.motion.runtime import NumpyRuntime
 from humanclaw_train.model.checkpoint import load_adapter, load_base
 from humanclaw_train.model.dit import Modulations
 from humanclaw_train.model.generator import TorchRuntime
 
 SAMPLES = 5
-SOLVER = PROFILES["default"]
+SOLVER = PROFILES["default"].solver
 
 
 class Walk(torch.nn.Module):

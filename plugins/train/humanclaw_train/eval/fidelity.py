@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from humanclaw import CheckpointError, PluginError
 from humanclaw.body import Array, wrap_angle
-from humanclaw.motion import PROFILES, DiTGenerator, load_base
+from humanclaw.motion import DiTGenerator, load_base
 from humanclaw.skills import MEASURES, Measure, Regression, Skill, find, outcomes
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval.rollouts import Command, Rollouts, file_digest, others, roll, walker
@@ -149,7 +149,7 @@ def live(
     base: Path, declaration: Skill, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
 ) -> Callable[[Path], str]:
     """Return a function that describes an adapter of a base in one line: achieved over commanded of a few rollouts."""
-    generator = DiTGenerator(load_base(base), PROFILES["default"])
+    generator = DiTGenerator(load_base(base))
 
     def look(adapter: Path) -> str:
         command = Command.declared(declaration, adapter, measures)
@@ -259,7 +259,7 @@ def measured(
     first = commands[0]  # All adapters have the same size, so any of them gives the time.
     values = first.named(first.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, first.adapter, values)
-    return FidelityReport(generator.digest, str(generator.solver), rollouts, seed, time_of_one, tuple(rows))
+    return FidelityReport(generator.digest, str(generator.profile.solver), rollouts, seed, time_of_one, tuple(rows))
 
 
 _RATIOS: Final = ("generated", "simulated", "baseline")
