@@ -10,7 +10,7 @@ from humanclaw import Chunk, HumanclawError, Plugins, SceneError
 from humanclaw.body import FPS, FUTURE, Motion, Pose2D, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import STANDING_HEIGHT
 from humanclaw.checks.motions import gait, glide
-from humanclaw.testing.played import Played, play
+from humanclaw.laws.played import Played, play
 from humanclaw.world import HalfPhysics, Scene, SceneBuilder, person_id, shared
 
 FACING = Pose2D(0.0, 0.0, 0.0), Pose2D(0.0, 1.2, np.pi)

@@ -11,10 +11,10 @@ from humanclaw.body import FPS, JOINTS
 from humanclaw.cli import build
 from humanclaw.cli.physics import physics
 from humanclaw.errors import PluginError
+from humanclaw.laws.body import table
+from humanclaw.laws.fixture import Finding
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
-from humanclaw.testing.fixture import Finding
-from humanclaw.testing.laws import table
 from humanclaw.testing.speed import resident
 from humanclaw.world import SceneBuilder, find_profile
 from humanclaw.world.half_physics.articulated_object import articulated_objects

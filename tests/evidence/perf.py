@@ -32,8 +32,8 @@ from threadpoolctl import ThreadpoolController
 from humanclaw import Body, Plugins
 from humanclaw.body import HISTORY, Motion, re_rooted
 from humanclaw.cli import show_markdown
+from humanclaw.laws.fixture import FORWARD, TURN, Fixture
 from humanclaw.motion import DiTGenerator
-from humanclaw.testing.fixture import FORWARD, TURN, Fixture
 from humanclaw.world import Scene, SceneObject, ego_camera
 from humanclaw_bullet.engine import Client
 

@@ -19,7 +19,7 @@ _CHECKS: Final = (
     "free-space", "walls", "ledge", "stairs", "boxes", "chair", "door", "hinges", "slides", "lids", "seats", "rates",
     "wild",
 )  # fmt: skip
-"""Names of the laws: to import humanclaw.testing.laws would take a second."""
+"""Names of the laws: to import humanclaw.laws would take a second."""
 
 
 def _bar() -> Progress:
@@ -51,8 +51,8 @@ def physics(
 
     CHECKS: names of the checks to run; by default all.
     """
-    from humanclaw.testing.fixture import Fixture
-    from humanclaw.testing.laws import CHECKS, table
+    from humanclaw.laws.body import CHECKS, table
+    from humanclaw.laws.fixture import Fixture
 
     findings = []
     with _bar() as bar:

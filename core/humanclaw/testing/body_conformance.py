@@ -10,8 +10,9 @@ import pytest
 from humanclaw.body.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.checks.motions import gait, glide, sitting_down
-from humanclaw.testing.played import Played, play
+from humanclaw.laws.played import Played, play
 from humanclaw.world.half_physics.profile import Profile
+from humanclaw.world.joints import GRAVITY
 from humanclaw.world.scene import Scene
 from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Simulator
@@ -145,7 +146,7 @@ class BodyConformance:
             command.rotations[:, JOINT_INDEX[f"{side}_hip"], 0] = -1.7
         height = self.play(builder.scene(), command).simulated.root[:, 1]
         assert 0.13 < height[-1] < 0.17
-        assert -np.diff(height).min() * FPS < np.sqrt(2 * 9.81 * STANDING_HEIGHT)
+        assert -np.diff(height).min() * FPS < np.sqrt(2 * GRAVITY * STANDING_HEIGHT)
         assert np.diff(height[20:]).max() * FPS < 0.1
 
     def test_legs_straightened_at_once_lift_the_body_and_do_not_launch_it(self) -> None:

@@ -15,8 +15,8 @@ from humanclaw.body.pose import Pose2D, rest_pose
 from humanclaw.body.skeleton import BODY_GROUPS, STANDING_HEIGHT
 from humanclaw.checks.motions import gait, glide
 from humanclaw.errors import HumanclawError, SceneError
-from humanclaw.testing.fixture import Fixture
-from humanclaw.testing.laws import CHECKS
+from humanclaw.laws.body import CHECKS
+from humanclaw.laws.fixture import Fixture
 from humanclaw.testing.object_conformance import ObjectConformance
 from humanclaw.testing.speed import reset_times
 from humanclaw.world.half_physics.profile import find_profile

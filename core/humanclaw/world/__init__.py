@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         World as World,
     )
     from humanclaw.world.joints import (
+        GRAVITY as GRAVITY,
         Hinge as Hinge,
         Joint as Joint,
         Slide as Slide,

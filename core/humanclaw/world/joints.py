@@ -13,7 +13,8 @@ from humanclaw.errors import SceneError
 
 Vec3 = tuple[float, float, float]
 _UP: Final = (0.0, 1.0, 0.0)
-_GRAVITY: Final = 9.81
+GRAVITY: Final = 9.81
+"""Earth's, m/s2."""
 _HELD: Final = 1.5
 """How many times its weight the friction of a balanced object holds."""
 
@@ -110,7 +111,7 @@ def balanced(joint: Joint, centre: Array, mass: float) -> Joint:
         pull = arm * float(np.hypot(axis[0], axis[2]))
     else:
         pull = abs(float(axis[1]))
-    return replace(joint, friction=max(joint.friction, _HELD * mass * _GRAVITY * pull))
+    return replace(joint, friction=max(joint.friction, _HELD * mass * GRAVITY * pull))
 
 
 def facts_of(joint: Joint) -> dict[str, Any]:

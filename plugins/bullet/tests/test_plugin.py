@@ -9,7 +9,7 @@ import pytest
 pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 from humanclaw.body import Pose2D, forward_kinematics, shoe_heights
-from humanclaw.testing.fixture import Fixture
+from humanclaw.laws.fixture import Fixture
 from humanclaw.world import HalfPhysics, SceneBuilder
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.world import BulletWorld

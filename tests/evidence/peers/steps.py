@@ -38,7 +38,7 @@ def ours() -> dict[str, float]:
 def substeps(engine: str) -> tuple[float, float]:
     import mujoco
 
-    from humanclaw.testing.fixture import FORWARD, TURN, Fixture
+    from humanclaw.laws.fixture import FORWARD, TURN, Fixture
 
     fixture = Fixture.of(engine)
     simulator, scene = fixture.simulator(), fixture.plugins.scene("house:0")

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.errors import HumanclawError
+from humanclaw.world.joints import GRAVITY
 
 REFERENCE_STIFFNESS: Final = (("ankle", 0.1), ("shoulder", 0.03), ("wrist", 0.1))
 """Where the passive stiffness is not 1: known-good constants of the paper's implementation."""
@@ -21,7 +22,7 @@ class Profile:
     name: str
     substeps: int = 4
     """Physics steps a frame of 1/30 s: 120 Hz."""
-    gravity: float = 9.81
+    gravity: float = GRAVITY
     horizontal_every: int = 1
     """The horizontal root velocity is commanded on every Nth substep of a frame; between them friction may brake it."""
     max_turn: float = float(np.radians(30.0))

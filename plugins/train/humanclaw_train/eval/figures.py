@@ -12,11 +12,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from humanclaw import Backends, Body, Call, Motion, Renderer, Scene, Skill
-from humanclaw.body import FUTURE, HISTORY, Array
+from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Role, find_suited, floor_for, floor_scene
 from humanclaw.storage import save_picture
-from humanclaw.world import Camera, SceneBuilder, WorldState, together
+from humanclaw.world import GRAVITY, Camera, SceneBuilder, WorldState, together
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
@@ -173,7 +173,7 @@ def loop(plugins: Plugins, seed: int) -> Rows:
         (ground[first : last + 1], colour, f"{call.skill} {count} x")
         for (first, last), (call, count, colour) in zip(pairwise(corners), sides, strict=True)
     ]
-    jolts = 900 / 9.81 * np.linalg.norm(np.diff(motion.joints(), 2, axis=0), axis=-1).max(-1)
+    jolts = FPS**2 / GRAVITY * np.linalg.norm(np.diff(motion.joints(), 2, axis=0), axis=-1).max(-1)
     # A second difference spans three frames, and those around a seam are of both skills.
     seams = corners[1:-1, None] + [-2, -1, 0]
     seam, other = jolts[seams].max(), np.delete(jolts, seams).max()

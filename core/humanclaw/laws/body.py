@@ -1,4 +1,4 @@
-"""The laws of half-physics, measured on any simulator. `humanclaw physics` prints them.
+"""Laws about a body, and the list of all. `humanclaw physics` prints them.
 
 Each law is a function of a Fixture that yields Findings: a measured number with its bounds. Most use the motion that
 skills generate. Where that would prove little, they use commands that no skill would give.
@@ -14,8 +14,9 @@ import numpy as np
 
 from humanclaw.body.limits import shoe_heights
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, matrix_from_vector, rest_pose
-from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, walk
-from humanclaw.testing.object_laws import boxes, chair, door, hinges, lids, slides
+from humanclaw.laws.fixture import DROP, FORWARD, HEIGHT, RISE, Command, Finding, Fixture, walk
+from humanclaw.laws.objects import boxes, chair, door, hinges, lids, slides
+from humanclaw.world.joints import GRAVITY
 from humanclaw.world.scene import Scene
 from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Execution

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, matrix_from_quaternion, vector_from_quaternion
-from humanclaw.testing.fixture import GRAVITY, Finding, Fixture, walk
+from humanclaw.laws.fixture import Finding, Fixture, walk
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.push_force_limit import GROUND_FRICTION
-from humanclaw.world.joints import Hinge, Slide
+from humanclaw.world.joints import GRAVITY, Hinge, Slide
 from humanclaw.world.scene_builder import SceneBuilder, block
 
 MASSES: Final = {

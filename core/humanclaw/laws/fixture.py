@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,16 +13,15 @@ from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import Backends, default_simulator
 from humanclaw.episodes.moving import Mover, Playing, stand
 from humanclaw.errors import HumanclawError
+from humanclaw.laws.played import Played
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill, find_suited
 from humanclaw.skills.plan import Control
-from humanclaw.testing.played import Played
 from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator
 
-GRAVITY: Final = 9.81
 T = TypeVar("T")
 Command = Mapping[str, float]
 """Command of one chunk: value by measure, metres or radians."""

@@ -1,0 +1,1 @@
+"""The laws of half-physics, measured on any simulator."""
