@@ -54,7 +54,7 @@ class RegisterMeasure(Protocol):
 
 class Register(Protocol[F]):
     def __call__(self, name: str, value: F, description: str = "") -> None:
-        """Register a value under a name. A factory is called when its name is asked for."""
+        """Register a value under a name, described in a line. A factory is called when its name is asked for."""
 
 
 Options: TypeAlias = Mapping[str, Any]

@@ -78,7 +78,7 @@ def humanclaw_metrics(register: Register[MetricFunction]) -> None:
     """Register metrics of an episode: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
 
     They become columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load. Names
-    that these already have, such as nav or success, are refused.
+    that these already have, such as nav or success, are refused. The description is the unit, such as "radians".
     """
 
 
