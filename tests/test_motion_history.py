@@ -1,7 +1,5 @@
 """The poses that a motion continues: the model's own, or the simulated body's."""
 
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 from hosting import plugin
@@ -115,6 +113,5 @@ def test_feet_do_not_push_a_body_off_a_seat_whose_back_has_lifted_it(seed):
 
 
 def test_the_papers_profile_switches_every_correction_off():
-    settings = asdict(PROFILES["paper"])
-    assert str(PROFILES["paper"].solver) == "midpoint, 30 steps"
-    assert not any(value for name, value in settings.items() if name != "solver")
+    on = [name for name, value in vars(PROFILES["paper"]).items() if value]
+    assert on == ["solver"]

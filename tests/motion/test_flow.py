@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from humanclaw.motion import PROFILES, flow
-from humanclaw.motion.flow import SIGMA_MIN, Solver
+from humanclaw.motion import PROFILES, SIGMA_MIN, Solver, flow
 
 
 def _numbers(*shape: int, seed: int = 0) -> np.ndarray:

@@ -10,10 +10,7 @@ from tiny_motion import write_adapter
 
 from humanclaw.body import Motion, Pose2D, encode, rest_pose
 from humanclaw.errors import CheckpointError, HumanclawError
-from humanclaw.motion.control import AdapterConfig
-from humanclaw.motion.flow import Solver
-from humanclaw.motion.generator import DiTGenerator
-from humanclaw.motion.profile import MotionProfile
+from humanclaw.motion import AdapterConfig, DiTGenerator, MotionProfile, Solver
 from humanclaw.motion.runtime import reread
 
 AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}

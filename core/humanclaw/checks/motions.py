@@ -14,11 +14,6 @@ _HIPS: Final = OFFSETS[[JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]] * [1
 """(2, 3) how far beside the pelvis each foot stands, metres."""
 
 
-def hold(motion: Motion, frames: int) -> Motion:
-    """Return a motion, followed by its last pose for some frames."""
-    return motion.then(motion.held(frames))
-
-
 def glide(x: float, z: float, frames: int = FUTURE) -> Motion:
     """Return a standing body that glides at a constant velocity, m/s: the simplest command with a known path."""
     motion = rest_pose(frames)
@@ -44,7 +39,8 @@ def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Moti
             feet[moving], pelvis = foot, from_pelvis + (over - from_pelvis) * smooth
             roots.append(pelvis)
             ways.append(np.stack(feet))
-    return hold(_on_feet(np.array(roots), np.array(ways)), 15 + (-len(roots)) % 15)
+    walked = _on_feet(np.array(roots), np.array(ways))
+    return walked.then(walked.held(FUTURE + (-len(roots)) % FUTURE))
 
 
 def sitting_down(height: float, z: float) -> Motion:
@@ -52,7 +48,8 @@ def sitting_down(height: float, z: float) -> Motion:
     share = (np.arange(1, 46) / 45)[:, None]
     standing, seated = np.array([0.0, 0.96, 0.0]), np.array([0.0, height, z])
     roots = standing + (seated - standing) * share
-    return hold(_on_feet(roots, np.zeros((2, 3))), 30)
+    sat = _on_feet(roots, np.zeros((2, 3)))
+    return sat.then(sat.held(FPS))
 
 
 def _on_feet(roots: Array, feet: Array) -> Motion:

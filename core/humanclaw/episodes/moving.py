@@ -51,14 +51,10 @@ class Mover:
         """What the body feels of itself."""
         return ProprioceptiveState.of(self.arms.pose(self.history), self.state.held)
 
-    @property
-    def must_rise(self) -> bool:
-        """Whether the body has to rise before it steps: the motion model steps from standing alone."""
-        return self._profile.rises and is_down(self.state.body)
-
     def rising(self) -> Motion:
-        """Return the motion that stands the body up."""
-        return rise(self.state.body, self._generator.start())
+        """Return the motion that stands up a body that is down; no frames for another, or if the profile does not."""
+        down = self._profile.rises and is_down(self.state.body)
+        return rise(self.state.body, self._generator.start()) if down else self.history[:0]
 
     def generate(self, owner: Skill | None, part: Control, key: tuple[int, ...]) -> Motion:
         """Generate the motion of a control, whose command corrects the heading error of earlier calls if the profile
@@ -161,7 +157,7 @@ class Playing:
         if part.adapter == self._skill.adapter and not self._skill.trained:
             raise untrained(self._skill)
         owner = self._mover.adapters.owner(self._skill, part.adapter)
-        if (owner or self._skill).role == "locomotion" and self._mover.must_rise:
+        if (owner or self._skill).role == "locomotion":
             for piece, _ in self._played(self._mover.rising()):
                 self.rise_frames += len(piece)
                 yield piece, True

@@ -53,11 +53,7 @@ if TYPE_CHECKING:
         apart as apart,
         widened as widened,
     )
-    from humanclaw.motion.profile import (
-        PROFILES as PROFILES,
-        MotionProfile as MotionProfile,
-        motion_profile as motion_profile,
-    )
+    from humanclaw.motion.profile import PROFILES as PROFILES, MotionProfile as MotionProfile
     from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Runtime as Runtime, reread as reread
 
 if not TYPE_CHECKING:

@@ -141,7 +141,9 @@ def read_adapter(path: Path, base_digest: str, skill: str | None = None) -> tupl
     remedy = f"Train it with: humanclaw train adapter {skill or path.parent.name}"
     header, tensors = read_checkpoint(path, "adapter", remedy)
     try:
-        config = _adapter_config(header)
+        # JSON has no tuples.
+        said = {key: tuple(value) if isinstance(value, list) else value for key, value in header["adapter"].items()}
+        config = AdapterConfig(**said)
     except (KeyError, TypeError, ValueError) as error:
         raise broken(path, error, remedy) from error
     if skill is not None and config.skill != skill:
@@ -180,10 +182,6 @@ def adapters_beside(path: Path) -> Mapping[str, Path]:
         with suppress(CheckpointError):
             adapters.setdefault(str(read_header(file).get("base")), file)
     return adapters
-
-
-def _adapter_config(header: Mapping[str, Any]) -> AdapterConfig:
-    return AdapterConfig(**{key: _tuple(value) for key, value in header["adapter"].items()})
 
 
 def read_header(path: Path, remedy: str = "Train it with: humanclaw train", kind: str = "") -> dict[str, Any]:
@@ -232,7 +230,3 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
 
 def _again(skill: str) -> str:
     return f"Train it again with: humanclaw train adapter {skill}"
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value

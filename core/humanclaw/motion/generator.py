@@ -58,8 +58,7 @@ class DiTGenerator:
 
         Raises HumanclawError for an unknown profile, CheckpointError if the weights are missing.
         """
-        settings = motion_profile(profile)
-        return cls(load_base(prior or shipped_base()), settings, runtime)
+        return cls(load_base(prior or shipped_base()), motion_profile(profile), runtime)
 
     @property
     def digest(self) -> str:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import Array, yaw_matrix
+from humanclaw.body.pose import Array, wrap_angle, yaw_matrix
 from humanclaw.plugins.agents import HistoryEntry
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import to_si
@@ -76,5 +76,5 @@ def _cell(position: Array) -> tuple[int, int]:
 
 def _place(past: HistoryEntry, there: Array, looked: float, here: Array, yaw: float) -> Place:
     left, _, ahead = np.round(yaw_matrix(-yaw) @ (there - here), 1) + 0.0  # No -0.0.
-    turned = round(float(np.degrees((looked - yaw + np.pi) % (2 * np.pi) - np.pi)))
+    turned = round(float(np.degrees(wrap_angle(looked - yaw))))
     return Place(past.step, float(ahead), float(left), turned, past.decision.visible_state)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Final, Self
 
-from humanclaw.body.pose import HISTORY, Motion, heading
+from humanclaw.body.pose import HISTORY, Motion, heading, wrap_angle
 from humanclaw.skills.contract import Skill
 
 HEADING: Final = "heading.left"
@@ -28,11 +28,8 @@ class HeadingCorrection:
     def steer(self, skill: Skill, values: Mapping[str, float]) -> dict[str, float]:
         """Return a call's values (SI); a commanded turn is corrected by the heading error of earlier calls."""
         turn = skill.commands(HEADING)
-        return (
-            dict(values)
-            if turn is None or turn.name not in values
-            else dict(values) | {turn.name: values[turn.name] + self.owed}
-        )
+        owed = {turn.name: values[turn.name] + self.owed} if turn is not None and turn.name in values else {}
+        return dict(values) | owed
 
     def after(self, skill: Skill, values: Mapping[str, float], history: Motion, motion: Motion) -> Self:
         """Return the correction once the motion (15 frames) that followed the history (5) was generated for a call.
@@ -44,8 +41,4 @@ class HeadingCorrection:
         turn = skill.commands(HEADING)
         before, now = heading(history.then(motion).rotations[[HISTORY - 1, -1], 0])
         owed = self.owed + (values.get(turn.name, 0.0) if turn is not None else 0.0) - float(now - before)
-        return type(self)(min(max(_wrapped(owed), -MOST), MOST))
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + pi) % (2 * pi) - pi
+        return type(self)(min(max(float(wrap_angle(owed)), -MOST), MOST))

@@ -74,8 +74,7 @@ class ObjectConformance(BodyConformance):
         builder = SceneBuilder.on_floor()
         near = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.4), movable=True, mass=2.0)
         builder.box("box", (0.3, 0.3, 0.3), (3, 0, 3), movable=True, mass=2.0)
-        simulator, scene = self.simulator(), builder.scene()
-        simulator.reset(scene, scene.start)
+        simulator = self.reset(builder)
         assert simulator.execute(rest_pose(15)).objects == {}
         assert {key: path.shape for key, path in simulator.execute(glide(0.0, 0.8)).objects.items()} == {near: (15, 7)}
 
@@ -84,39 +83,34 @@ class ObjectConformance(BodyConformance):
         builder = SceneBuilder.on_floor()
         builder.solid("table", _table(), (2, 0, 0), movable=movable, mass=10.0)
         box = builder.box("box", (0.3, 0.6, 0.3), (2.05, 0, 0), movable=True, mass=1.0)
-        simulator, scene = self.simulator(), builder.scene()
-        assert simulator.reset(scene, scene.start).objects[box][:3] == pytest.approx([2.05, 0, 0], abs=0.005)
+        assert self.reset(builder).state().objects[box][:3] == pytest.approx([2.05, 0, 0], abs=0.005)
 
     def test_a_table_carries_what_stands_on_it(self) -> None:
         builder = SceneBuilder.on_floor()
         builder.solid("table", _table(), (2, 0, 0))
         cup = builder.box("cup", (0.1, 0.1, 0.1), (2.0, 0.75, 0), movable=True, mass=0.3)
-        simulator, scene = self.simulator(), builder.scene()
-        assert simulator.reset(scene, scene.start).objects[cup][1] == pytest.approx(0.75, abs=0.005)
+        assert self.reset(builder).state().objects[cup][1] == pytest.approx(0.75, abs=0.005)
 
     def test_an_object_at_rest_is_where_the_scene_put_it_at_any_turn(self) -> None:
         builder = SceneBuilder.on_floor()
         turn = (0.0, np.sin(0.5), 0.0, np.cos(0.5))
         obj = builder.solid("table", _table(), (2, 0, 1), rotation=turn, movable=True, mass=10.0)
-        simulator, scene = self.simulator(), builder.scene()
-        simulator.reset(scene, scene.start)
+        simulator = self.reset(builder)
         simulator.execute(rest_pose(15))
         assert simulator.state().objects[obj] == pytest.approx([2, 0, 1, *turn], abs=0.005)
 
     def test_an_object_in_the_air_falls(self) -> None:
         builder = SceneBuilder.on_floor()
         box = builder.box("box", (0.2, 0.2, 0.2), (2, 1.5, 0), movable=True, mass=1.0)
-        simulator, scene = self.simulator(), builder.scene()
-        simulator.reset(scene, scene.start)
+        simulator = self.reset(builder)
         simulator.execute(rest_pose(15))
         assert simulator.state().objects[box][1] == pytest.approx(0.0, abs=0.01)
 
     def test_objects_without_a_body_are_walked_through(self) -> None:
         builder = SceneBuilder.on_floor()
         rug = builder.mesh("rug", box_mesh((1, 0.01, 1)), (0, 0, 0), movable=True, mass=1.0)
-        simulator, scene = self.simulator(), builder.scene()
-        state = simulator.reset(scene, scene.start)
-        assert state.objects[rug][:3] == pytest.approx([0, 0, 0])
+        simulator = self.reset(builder)
+        assert simulator.state().objects[rug][:3] == pytest.approx([0, 0, 0])
         assert rug not in {contact.object_id for contact in simulator.execute(rest_pose(15)).contacts}
 
     @pytest.mark.parametrize("door", [False, True])
@@ -124,22 +118,19 @@ class ObjectConformance(BodyConformance):
         builder = SceneBuilder.on_floor()
         builder.door(mass=0.0) if door else builder.box("box", (0.2, 0.2, 0.2), (2, 0, 0), movable=True)
         with pytest.raises(SceneError, match="mass"):
-            self.simulator().reset(builder.scene(), builder.scene().start)
+            self.reset(builder)
 
     def test_a_door_keeps_its_angle_until_somebody_pushes_it(self) -> None:
         builder = SceneBuilder.on_floor()
         door = builder.door(angle=0.5)
-        simulator, scene = self.simulator(), builder.scene()
-        leaf = scene.by_id[door]
-        simulator.reset(scene, scene.start)
+        simulator, leaf = self.reset(builder), builder.objects[door - 1]
         assert simulator.execute(rest_pose(30)).objects == {}
         assert simulator.state().objects[door] == pytest.approx([*leaf.position, *leaf.rotation], abs=1e-4)
 
     def test_a_door_opens_for_a_body_about_its_hinge_and_comes_to_rest(self) -> None:
         builder = SceneBuilder.on_floor()
         door = builder.door()
-        simulator, scene = self.simulator(), builder.scene()
-        simulator.reset(scene, scene.start)
+        simulator = self.reset(builder)
         execution = simulator.execute(glide(0.0, 1.0, 45))
         places = execution.objects[door]
         hinge = places[:, :3] + matrix_from_quaternion(places[:, 3:]) @ [-0.45, 0.0, 0.0]
@@ -155,8 +146,7 @@ class ObjectConformance(BodyConformance):
         builder.box("post", (0.2, 2.0, 0.2), (0, 0, 1.15))
         door = builder.door()
         box = builder.box("box", (0.2, 0.5, 0.2), (0.3, 0, 1.1), movable=True, mass=2.0)
-        simulator, scene = self.simulator(), builder.scene()
-        simulator.reset(scene, scene.start)
+        simulator = self.reset(builder)
         simulator.execute(glide(0.0, 1.0, 45))
         moved = simulator.state().objects
         assert np.degrees(-vector_from_quaternion(moved[door][3:])[1]) > 30

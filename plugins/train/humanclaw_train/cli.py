@@ -72,9 +72,8 @@ def _weights(function: F) -> F:
 
         plugins = Plugins.discover()
         known = rollouts.adapters(adapters) if adapters else rollouts.installed(plugins)
-        settings = PROFILES[profile]
-        settings = replace(settings, solver=Solver(method, steps)) if steps else settings
-        generator = DiTGenerator(load_base(base or shipped_base()), settings)
+        solver = Solver(method, steps) if steps else PROFILES[profile].solver
+        generator = DiTGenerator(load_base(base or shipped_base()), replace(PROFILES[profile], solver=solver))
         paths = functools.partial(rollouts.wanted, known, [name.strip() for name in skills.split(",") if name.strip()])
         return function(generator=generator, paths=paths, plugins=plugins, **more)
 

@@ -10,8 +10,7 @@ torch = pytest.importorskip("torch")
 
 from tiny_motion import WALK
 
-from humanclaw import Motion
-from humanclaw.body import decode, encode
+from humanclaw.body import Motion, decode, encode
 from humanclaw.motion import (
     PROFILES,
     SIZES,
