@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +143,7 @@ def read_adapter(path: Path, base_digest: str, skill: str | None = None) -> tupl
     try:
         # JSON has no tuples.
         said = {key: tuple(value) if isinstance(value, list) else value for key, value in header["adapter"].items()}
-        config = AdapterConfig(**said)
+        config = AdapterConfig(**cast("dict[str, Any]", said))
     except (KeyError, TypeError, ValueError) as error:
         raise broken(path, error, remedy) from error
     if skill is not None and config.skill != skill:
