@@ -1,4 +1,4 @@
-"""Generate pages for mkdocs: one for each package's README, the commands, and the table of checks."""
+"""Generate pages for mkdocs: one for each package's README, the commands, the table of checks, and docstrings."""
 
 from __future__ import annotations
 
@@ -27,6 +27,13 @@ REPLAYED = "smoke"
 _REPLAY = re.compile(r"!\[([^\]]*)\]\((images/replay-(\w+)\.jpg)\)")
 _PICTURE = re.compile(r"!\[([^\]]*)\]\((?!https?://)([^)\s]+)\)")
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?://|#)([^)#\s]+)(#[^)\s]*)?\)")
+
+_SOURCE = re.compile(r"^\* \[(humanclaw[\w.]+)\]\([^)\s]+\.py\)$", re.MULTILINE)
+_HOOKS = """
+    options:
+      filters: ["^humanclaw_"]
+      show_root_heading: false
+      show_root_toc_entry: false"""
 
 
 # -- READMEs -----------------------------------------------------------------------------------------------------------
@@ -108,6 +115,12 @@ def on_post_build(config: Any) -> None:
     subprocess.run([sys.executable, "-m", "humanclaw", *run], check=True, stdout=subprocess.DEVNULL)
 
 
+# -- docstrings --------------------------------------------------------------------------------------------------------
+def documented(markdown: str) -> str:
+    """Put the docstrings of a name in the place of its link to the source, which readers of the clone follow."""
+    return _SOURCE.sub(lambda found: f"::: {found[1]}" + (_HOOKS if found[1].endswith("hookspecs") else ""), markdown)
+
+
 # -- checks ------------------------------------------------------------------------------------------------------------
 def checks() -> str:
     """Return the table of the checks of a skill, as Markdown."""
@@ -120,7 +133,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     """Point links into the repository at the site, and replace the marks of some pages with what the code says."""
     name = page.file.src_path
     if (ROOT / "docs" / name).is_file():  # Other pages are READMEs, whose links are.
-        markdown = relinked(markdown, f"docs/{name}", name)
+        markdown = relinked(documented(markdown), f"docs/{name}", name)
     if name == "index.md":
         return gallery(markdown)
     if name == "commands.md":

@@ -116,12 +116,22 @@ def test_the_site_has_a_page_for_every_link_into_the_repository():
     site = runpy.run_path(str(ROOT / "docs" / "_site.py"))
     written = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
     for name in written:
-        text = (ROOT / "docs" / name).read_text("utf-8")
+        text = site["documented"]((ROOT / "docs" / name).read_text("utf-8"))
         told = site["relinked"](text, f"docs/{name}", name)
         assert told.count("](") == text.count("]("), name
         for target in re.findall(r"(?<!!)\[[^\]]+\]\((?!https?://|#)([^)#\s]+)", told):
             page = posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
             assert page in {*written, *site["pages"]().values(), "packages.md"}, f"{name}: {target}"
+
+
+def test_a_name_that_the_site_explains_is_defined_in_the_linked_file():
+    text = "".join(path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md"))
+    links = re.findall(r"^\* \[(humanclaw[\w.]+)\]\(\.\./(\S+)\.py\)$", text, re.MULTILINE)
+    assert len(links) > 50
+    for name, path in links:
+        module = re.search(r"humanclaw.*", path).group().replace("/", ".")
+        code, thing = (ROOT / f"{path}.py").read_text("utf-8"), name.removeprefix(module)[1:]
+        assert not thing or re.search(rf"^(?:class|def) {thing}\b", code, re.MULTILINE), name
 
 
 def test_the_arm_that_points_ahead_on_the_page_of_skills_does_so():
