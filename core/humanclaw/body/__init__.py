@@ -16,7 +16,6 @@ if TYPE_CHECKING:
         FPS as FPS,
         FUTURE as FUTURE,
         HISTORY as HISTORY,
-        JERK_STRIDE as JERK_STRIDE,
         STATE_SIZE as STATE_SIZE,
         Array as Array,
         Motion as Motion,
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
         smoothstep as smoothstep,
         support_height as support_height,
         vector_from_matrix as vector_from_matrix,
-        vector_from_quaternion as vector_from_quaternion,
         wrap_angle as wrap_angle,
         yaw_matrix as yaw_matrix,
     )

@@ -197,10 +197,6 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         yield ContractError("accepts-bounds", message, "Mend bounds and pattern.")
         return
     feeling = ProprioceptiveState.of(rest_pose(HISTORY))
-
-    def from_pose(pose: Motion) -> tuple[Part, ...]:
-        return skill.planned(checked, ProprioceptiveState.of(pose)) if skill.feels else plan
-
     try:
         plan, again = (bounded(bench.patience, lambda: skill.planned(checked, feeling)) for _ in range(2))
     except MotionError as error:
@@ -213,6 +209,17 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
     if repr(plan) != repr(again):  # Keyframes may hold arrays, which == compares elementwise.
         message = f"{call} is planned otherwise the second time."
         yield ContractError("plan-repeats", message, "Plan from the parameters alone: no clock, no random numbers.")
+    yield from _execution_faults(skill, call, checked, plan, bench)
+
+
+def _execution_faults(
+    skill: Skill, call: str, params: Mapping[str, Any], plan: tuple[Part, ...], bench: Bench
+) -> Faults:
+    """Yield the faults of what a call commands, and of its motion. plan: that of a standing body."""
+
+    def from_pose(pose: Motion) -> tuple[Part, ...]:
+        return skill.planned(params, ProprioceptiveState.of(pose)) if skill.feels else plan
+
     for part in plan:
         # The skill's own adapter has been checked against its schema already.
         if isinstance(part, Control) and part.adapter != skill.adapter:

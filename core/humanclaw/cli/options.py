@@ -223,9 +223,8 @@ def check_options(options: Mapping[str, Any], name: str, agent: object | None, v
     if None in known_names:
         return
     known = {"profile", *(key for names in known_names for key in names or ())}
-    known |= {
-        f"verifier_{key}" for key in known
-    }  # Known without a verifier too, so that --no-verifier can be added to a working command.
+    # Known without a verifier too, so that --no-verifier can be added to a working command.
+    known |= {f"verifier_{key}" for key in known}
     for key in options:
         if key not in known:
             whose = f"verifier {name}" if agent is None else f"agent {name}" + (" and its verifier" if verifier else "")

@@ -116,15 +116,7 @@ class Episode:
         self._between: list[bytes] = []
         self._feedback, self._step = Feedback(), Step(0)
         self._stopping = self._cancelling = False
-        with self._closing():
-            with self._agents.noting():
-                for step in () if self.fault else replay:
-                    self._replay_step(step)
-            self._recording.open()
-        if self.fault:
-            self._end_by(self.fault)
-        elif self._recording.is_over:
-            self._close()
+        self._open(replay)
 
     # -- state -------------------------------------------------------------------------------------------------
     @property
@@ -363,6 +355,18 @@ class Episode:
         return step
 
     # -- replay --------------------------------------------------------------------------------------------------------
+    def _open(self, replay: Sequence[StepRecord]) -> None:
+        """Execute the recorded steps and open the record, which a fault of the deciders or the last step may close."""
+        with self._closing():
+            with self._agents.noting():
+                for step in () if self.fault else replay:
+                    self._replay_step(step)
+            self._recording.open()
+        if self.fault:
+            self._end_by(self.fault)
+        elif self._recording.is_over:
+            self._close()
+
     def _replay_step(self, step: StepRecord) -> None:
         """Execute a recorded step again, to restore body, history and trajectory."""
         self._look()

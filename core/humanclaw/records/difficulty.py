@@ -58,9 +58,8 @@ def _boxes(scene: Scene) -> tuple[Array, Array]:
 
 def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
     """Count the turns of a polyline (N, 2) above some degrees, after simplifying it (Douglas-Peucker, metres)."""
-    from skimage.measure import (
-        approximate_polygon,
-    )  # Imported here: it loads scipy.signal and scipy.stats, which takes a second.
+    # Imported here: it loads scipy.signal and scipy.stats, which takes a second.
+    from skimage.measure import approximate_polygon
 
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)

@@ -110,9 +110,8 @@ class Reach:
         for joint, parent, turned in ((shoulder, turns[:, collar], upper), (elbow, upper, fore)):
             local = np.swapaxes(parent, -1, -2) @ turned
             own = vector_from_matrix(local[0].T @ matrix_from_vector(start.rotations[0, joint]))
-            rotations[:, joint] = vector_from_matrix(local @ matrix_from_vector((1 - self._ease(1.0))[:, None] * own))[
-                1:
-            ]
+            blended = local @ matrix_from_vector((1 - self._ease(1.0))[:, None] * own)
+            rotations[:, joint] = vector_from_matrix(blended)[1:]
         return Motion(moved.root, rotations)
 
     def _ease(self, share: float) -> Array:

@@ -51,24 +51,10 @@ THOUGHTS: Final = "thoughts"
 """One text field instead of the reasoning fields, one line each, with the field's name first. With many tools it makes
 prompts much shorter."""
 _MID_LEVEL: Final = ("mid_level_change", "mid_level_goal")
-_GEMINI_WORDS: Final = frozenset(
-    [
-        "type",
-        "description",
-        "enum",
-        "format",
-        "items",
-        "properties",
-        "required",
-        "minimum",
-        "maximum",
-        "minItems",
-        "maxItems",
-        "minLength",
-        "maxLength",
-        "pattern",
-    ]
-)
+_GEMINI_WORDS: Final = frozenset({
+    "type", "description", "enum", "format", "items", "properties", "required", "minimum", "maximum", "minItems",
+    "maxItems", "minLength", "maxLength", "pattern",
+})  # fmt: skip
 
 
 # -- tool lists --------------------------------------------------------------------------------------------------------

@@ -118,7 +118,6 @@ if TYPE_CHECKING:
         Renderer as Renderer,
         View as View,
         ego_camera as ego_camera,
-        gaze_of as gaze_of,
         together as together,
     )
 

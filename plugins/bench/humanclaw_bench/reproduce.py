@@ -111,9 +111,8 @@ class Plan(BaseModel):
             why = getattr(error, "strerror", error)
             raise HumanclawError(f"{path} cannot be read: {why}.", "Name a TOML file of models.") from error
         except ValidationError as error:
-            fault = max(
-                error.errors(), key=lambda fault: len(fault["loc"])
-            )  # Of a choice of types the one that fits best.
+            # Of a choice of types the one that fits best.
+            fault = max(error.errors(), key=lambda fault: len(fault["loc"]))
             where = ".".join(map(str, fault["loc"]))
             raise HumanclawError(f"{path}: {where}: {fault['msg']}.", "See docs/howto/measure.md.") from error
         folders = [model.folder.lower() for model in plan.models]
@@ -214,9 +213,8 @@ class _Player:
             job = replace(job, backends=job.backends.chosen(self._plugins), stop_after=self._stop_after)
             status = run_split(specs, job, player, out, plugins=self._plugins, watch=progress.watch, go_on=go_on)
             progress.end(status)
-        if (
-            status.stopped and until_forecast and not (forecasts or status.halted)
-        ):  # Ctrl-C, or a limit, before there was an estimate.
+        # Ctrl-C, or a limit, before there was an estimate.
+        if status.stopped and until_forecast and not (forecasts or status.halted):
             raise SystemExit(130)
         return status
 

@@ -114,8 +114,7 @@ def run_split(
     with _alone(out):
         agree(out, settings)
         write_episodes(out / SPLIT, specs)
-        records = [ended_record(Folder(out) / spec.id) for spec in specs]
-        todo = [spec for spec, record in zip(specs, records, strict=True) if record is None]
+        todo = [spec for spec in specs if ended_record(Folder(out) / spec.id) is None]
         random.Random(job.seed).shuffle(todo)  # An agent that knows the split could count its episodes.
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
-from humanclaw.body import FPS, FUTURE, Array, Pose2D, heading, pelvis_jerk, rest_pose, root_jerk, wrap_angle
+from humanclaw.body import FPS, FUTURE, Pose2D, heading, pelvis_jerk, rest_pose, root_jerk, wrap_angle
 from humanclaw.records import (
     Outcome,
+    Usage,
     acknowledges,
     end_distance,
     ever_reached,
@@ -46,11 +47,6 @@ FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
 def ended(outcome: str, limit: str) -> bool:
     """Tell whether an episode ended, failures included: its own, a plugin's, or a limit of an episode or call."""
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
-
-
-def keeps_pace(longest: float, fastest: float) -> bool:
-    """Tell whether an episode keeps the paper's pace. longest: seconds in a call. fastest: metres in half a second."""
-    return longest <= LONGEST + 1e-6 and fastest <= FARTHEST + 1e-6
 
 
 # -- the agent's answers -----------------------------------------------------------------------------------------------
@@ -234,7 +230,7 @@ class Scores:
     @property
     def in_pace(self) -> bool:
         """Whether no call moves the body longer, or farther in half a second, than skills of the paper's kind."""
-        return keeps_pace(self.longest, self.fastest)
+        return self.longest <= LONGEST + 1e-6 and self.fastest <= FARTHEST + 1e-6
 
     @property
     def success(self) -> bool | None:
@@ -246,20 +242,11 @@ class Scores:
 
 def score(recorded: RecordedEpisode) -> Scores:
     """Score one episode from its record. Raises RecordError if its motion cannot be read."""
-    record, steps = recorded.record, recorded.steps
-    spec = record.spec
-    moved, motion = _from_motion(recorded)
-    since = disturbed(recorded, moved)
-    displaced = displacements(since, moved)
-    usages, met = [step.usage for step in steps], _successes(recorded)
-    done = None if spec.goal is None else is_met(spec.goal, steps)
-    hands = {} if spec.goal is None else stages_of(recorded)
-    together = Together.of(recorded) if spec.partner is not None else None
-    if together:
-        hands = together.stages
-        done = all(hands.values())
-    met |= {name: hands[name] for name in met.keys() & hands.keys()}
-    return Scores(
+    record, spec = recorded.record, recorded.record.spec
+    spl, soft_spl = path_weighted(recorded)
+    task, successes = _task(recorded), _successes(recorded)
+    stages = task.get("hands", {})
+    scores = Scores(
         episode=spec.id,
         agent=record.agent,
         verifier=record.verifier,
@@ -267,54 +254,80 @@ def score(recorded: RecordedEpisode) -> Scores:
         scene_digest=record.scene_digest,
         category=spec.target_category,
         outcome=record.outcome,
-        **met,
-        brier=brier(recorded, done if done is not None else met["nav"] if met["interact"] is None else met["interact"]),
+        limit=record.limit,
+        error=record.error,
+        **{name: stages.get(name, met) for name, met in successes.items()},
+        **task,
+        **_motion_scores(recorded),
+        **_step_counts(recorded.steps),
         false_claims=_false_claims(recorded),
         distance=end_distance(recorded),
         collisions=collisions(recorded),
-        displaced=len(displaced),
-        displacement=sum(displaced),
-        disturbed=len(since),
-        disturbed_path=disturbed_path(since, moved),
-        falls=_falls(steps),
-        jerk=pelvis_jerk(motion),
-        rigid_jerk=root_jerk(motion),
         reversals=reversals(recorded),
-        steps=len(steps),
-        invalid=sum(step.status == "invalid" for step in steps),
-        tokens_in=sum(usage.tokens_in for usage in usages),
-        tokens_out=sum(usage.tokens_out for usage in usages),
-        cost=sum(usage.cost for usage in usages),
-        tokens_reasoning=sum(usage.tokens_reasoning for usage in usages),
-        spl=(spls := path_weighted(recorded))[0],
-        soft_spl=spls[1],
-        limit=record.limit,
-        error=record.error,
-        verified=sum(step.verdict is not None and _asked(step.verdict) for step in steps),
-        unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
-        answers=sum(len(step.attempts) for step in steps),
-        refused=sum(bool(attempt.error) for step in steps for attempt in step.attempts),
-        dropped_steps=sum(bool(step.decision.dropped_steps) for step in steps),
-        left_out=tuple(sorted({name for step in steps for name in step.decision.left_out})),
+        spl=spl,
+        soft_spl=soft_spl,
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=str(record.settings.get("body", {}).get("simulator", "")),
         privileged=_privileged(record.settings),
         spec=spec,
-        chunks=sum(step.chunks for step in steps),
-        motion=sum(step.motion_frames for step in steps) / FPS,
-        longest=max((step.motion_frames - step.rise_frames for step in steps), default=0) / FPS,
-        fastest=max(map(pace, steps), default=0.0),
-        sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),
-        also="",
-        extra={},
-        done=done,
-        hands=hands,
-        dropped=None if spec.goal is None else HandFacts(recorded).dropped,
-        apart=together.mean_distance if together else float("nan"),
-        touched=sum(any(contact.person for contact in step.contacts) for step in steps),
-        words=together.words if together else 0,
     )
+    return replace(scores, brier=brier(recorded, scores.success))
+
+
+def _task(recorded: RecordedEpisode) -> dict[str, Any]:
+    """Return the scores of a task for hands or with a partner; none of other tasks."""
+    goal, scores = recorded.record.spec.goal, dict[str, Any]()
+    if goal is not None:
+        scores |= {"done": is_met(goal, recorded.steps), "hands": stages_of(recorded)}
+        scores |= {"dropped": HandFacts(recorded).dropped}
+    if recorded.record.spec.partner is not None:
+        two = Together.of(recorded)
+        scores |= {"done": all(two.stages.values()), "hands": two.stages}
+        scores |= {"apart": two.mean_distance, "words": two.words}
+    return scores
+
+
+def _motion_scores(recorded: RecordedEpisode) -> dict[str, Any]:
+    """Return the scores of displaced objects and of the smoothness of the generated motion."""
+    moved, motion = (recorded.objects(), generated_trajectory(recorded)) if recorded.has_motion else ({}, rest_pose(0))
+    since = disturbed(recorded, moved)
+    displaced = displacements(since, moved)
+    return {
+        "displaced": len(displaced),
+        "displacement": sum(displaced),
+        "disturbed": len(since),
+        "disturbed_path": disturbed_path(since, moved),
+        "jerk": pelvis_jerk(motion),
+        "rigid_jerk": root_jerk(motion),
+    }
+
+
+def _step_counts(steps: Sequence[StepRecord]) -> dict[str, Any]:
+    """Return the scores that are counts, sums or maxima over steps."""
+    usage = sum((step.usage for step in steps), Usage())
+    return {
+        "steps": len(steps),
+        "invalid": sum(step.status == "invalid" for step in steps),
+        "tokens_in": usage.tokens_in,
+        "tokens_out": usage.tokens_out,
+        "cost": usage.cost,
+        "tokens_reasoning": usage.tokens_reasoning,
+        # An accepting verdict without an answer or a cost is of a call that there was nothing to ask about.
+        "verified": sum(step.verdict not in (None, Verdict(True)) for step in steps),
+        "unasked": sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
+        "answers": sum(len(step.attempts) for step in steps),
+        "refused": sum(bool(attempt.error) for step in steps for attempt in step.attempts),
+        "dropped_steps": sum(bool(step.decision.dropped_steps) for step in steps),
+        "left_out": tuple(sorted({name for step in steps for name in step.decision.left_out})),
+        "falls": _falls(steps),
+        "chunks": sum(step.chunks for step in steps),
+        "motion": sum(step.motion_frames for step in steps) / FPS,
+        "longest": max((step.motion_frames - step.rise_frames for step in steps), default=0) / FPS,
+        "fastest": max(map(pace, steps), default=0.0),
+        "sequences": sum(len(step.parts) > 1 for step in steps),
+        "touched": sum(any(contact.person for contact in step.contacts) for step in steps),
+    }
 
 
 def _falls(steps: Sequence[StepRecord]) -> int:
@@ -326,11 +339,6 @@ def _falls(steps: Sequence[StepRecord]) -> int:
 def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
     privileged = settings.get("privileged")
     return None if privileged is None else " and ".join(role for role, knows in privileged.items() if knows)
-
-
-def _asked(verdict: Verdict) -> bool:
-    """Tell whether there was anything to verify: the verdict has an answer, a failure, another call or a cost."""
-    return verdict != Verdict(True)
 
 
 def brier(recorded: RecordedEpisode, success: bool | None) -> float:
@@ -367,10 +375,3 @@ def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
         "interact": stopped_seated(spec, steps, sits_of(recorded)) if spec.interact else None,
         "geo_interact": sat_down(recorded) if spec.interact else None,
     }
-
-
-def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], Motion]:
-    """Return object paths and generated motion; both empty if no motion was written."""
-    if not recorded.has_motion:
-        return {}, rest_pose(0)
-    return recorded.objects(), generated_trajectory(recorded)

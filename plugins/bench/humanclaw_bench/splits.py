@@ -183,16 +183,7 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
 
     Variables: one per cell, then the shortfall and the excess of each wanted share. Their sum is minimised.
     """
-    houses, n = sorted({house for house, *_ in cells}), len(cells)
-    hard = [([cell[0] == house for cell in cells], *quota.houses) for house in houses]
-    hard += [([cell[1] == name for cell in cells], count, count) for name, count in quota.categories.items()]
-    hard += [
-        ([cell[:2] == (house, name) for cell in cells], *quota.both[name])
-        for house in houses
-        for name in quota.categories
-    ]
-    soft = [([cell[2] == k for cell in cells], share) for k, share in enumerate(DISTANCE_SHARES)]
-    soft += [([cell[3] == tier for cell in cells], share) for tier, share in TIER_SHARES.items()]
+    (hard, soft), n = _wishes(cells, quota), len(cells)
     slack = np.concatenate([np.eye(len(soft)), -np.eye(len(soft))], 1)
     rows = np.array([row for row, *_ in hard] + [row for row, _ in soft], float)
     table = np.concatenate([rows, np.concatenate([np.zeros((len(hard), 2 * len(soft))), slack])], 1)
@@ -215,6 +206,23 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
         said = f"these houses have no {quota.total} episodes that meet the quota: {result.message}"
         raise HumanclawError(said, "Draw more starts with --starts.")
     return [round(value) for value in result.x[:n]]
+
+
+def _wishes(
+    cells: Sequence[tuple[str, str, int, str]], quota: Quota
+) -> tuple[list[tuple[list[bool], int, int]], list[tuple[list[bool], float]]]:
+    """Return the bounds as (of which cells, least, most), and the wanted shares as (of which cells, share)."""
+    houses = sorted({house for house, *_ in cells})
+    hard = [([cell[0] == house for cell in cells], *quota.houses) for house in houses]
+    hard += [([cell[1] == name for cell in cells], count, count) for name, count in quota.categories.items()]
+    hard += [
+        ([cell[:2] == (house, name) for cell in cells], *quota.both[name])
+        for house in houses
+        for name in quota.categories
+    ]
+    soft = [([cell[2] == k for cell in cells], share) for k, share in enumerate(DISTANCE_SHARES)]
+    soft += [([cell[3] == tier for cell in cells], share) for tier, share in TIER_SHARES.items()]
+    return hard, soft
 
 
 # -- the splits --------------------------------------------------------------------------------------------------------

@@ -43,13 +43,7 @@ def replay_options(command: F) -> F:
 @click.argument("run", type=RUN)
 @replay_options
 @plugin_files
-def verify(
-    run: Path,
-    again: int | None,
-    seed: int | None,
-    workers: int,
-    files: tuple[Path, ...],
-) -> None:
+def verify(run: Path, again: int | None, seed: int | None, workers: int, files: tuple[Path, ...]) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json.
 
     Lists files that are damaged or belong to another run. Checks submission.json too, if there is one.
