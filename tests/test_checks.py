@@ -565,6 +565,9 @@ def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, chec
 def test_degrees_in_place_of_radians_are_suspected():
     with pytest.raises(MotionError, match="head has a key of 20; keys are radians, not degrees"):
         Keyframes((0.0, 2.0, 4.0), {"head": ((0, 0, 0), (0, -20, 0), (0, 0, 0))})
+    with pytest.raises(MotionError, match=r"a key of 6\.28; keys are radians, at most 3\.14 but for pelvis"):
+        Keyframes((0.0, 2.0, 4.0), {"left_wrist": ((0, 0, 0), (0, -6.28, 0), (0, 0, 0))})
+    Keyframes((0.0, 5.0), {"pelvis": ((0, 0, 0), (0, 6.28, 0))})
     with pytest.raises(MotionError, match="head turns by at most 180 degrees; got 200"):
         Keyframes.cycle("head", "x", 200, 1)
     with pytest.raises(ValueError, match="yaw is radians, not degrees; got 90"):

@@ -77,10 +77,13 @@ def test_a_category_may_have_blanks():
     ("fields", "told"),
     [
         ({"target_category": "piano"}, "episode 'mine' looks for a piano; test:rooms has none.*Choose from: .*couch"),
+        ({"instruction": "find the tv", "target_ids": (20,)}, "names a tv; its target 20 is a couch.*target_category"),
+        ({"target_category": "tv", "target_ids": (20,)}, "names a tv; its target 20 is a couch.*target_category"),
+        ({"target_category": "tv", "interact": True}, "asks to sit on a tv.*Leave out interact"),
         ({"target_ids": (99999,)}, "test:rooms has no object 99999, a target of episode 'mine'.*Leave out target_ids"),
     ],
 )
 def test_targets_that_the_scene_lacks_are_named(fields, told):
-    spec = EpisodeSpec(id="mine", instruction="find it", scene="test:rooms", **fields)
+    spec = EpisodeSpec(**{"id": "mine", "instruction": "find it", "scene": "test:rooms"} | fields)
     with pytest.raises(SceneError, match=f"(?s){told}"):
         targeted(spec, rooms.two_rooms())

@@ -96,11 +96,12 @@ def targeted(spec: EpisodeSpec, scene: Scene) -> EpisodeSpec:
     words, and without ids all objects of that category.
 
     An episode with a goal or a partner, or whose words name nothing, is returned as it is. Raises SceneError for ids
-    and categories that the scene lacks.
+    and categories that the scene lacks, ids of something else than is named, and things to sit on that are no seats.
     """
     require_objects(spec, scene)
     owned = [scene.by_id[key].category for key in spec.target_ids[:1]]
-    asked = spec.target_category or (owned or [category_of(spec.instruction)])[0]
+    named = spec.target_category or category_of(spec.instruction)
+    asked = spec.target_category or (owned or [named])[0]
     if not asked or spec.goal is not None or spec.partner is not None:
         return spec
     objects = scene.of_category(asked) or scene.of_category(category_of(asked))
@@ -108,10 +109,24 @@ def targeted(spec: EpisodeSpec, scene: Scene) -> EpisodeSpec:
         here = ", ".join(sorted({obj.category for obj in scene.objects}))
         raise SceneError(f"episode {spec.id!r} looks for a {asked}; {scene.name} has none.", f"Choose from: {here}.")
     category = objects[0].category
+    _require_agreement(spec, named, scene)
     told = spec.target_category or "interact" in spec.model_fields_set
     sits = spec.interact if told else category in SEATS and wants_to_sit(spec.instruction)
     found = spec.target_ids or tuple(obj.id for obj in objects)
+    seats = [scene.assets[scene.by_id[key].asset].seat_height for key in found]
+    if sits and category not in SEATS and not any(seats):
+        raise SceneError(f"episode {spec.id!r} asks to sit on a {category}, which is no seat.", "Leave out interact.")
     return spec.model_copy(update={"target_category": category, "target_ids": found, "interact": sits})
+
+
+def _require_agreement(spec: EpisodeSpec, named: str, scene: Scene) -> None:
+    """Raise SceneError if a target is of another category than the episode names."""
+    alike = {obj.id for word in (named, category_of(named)) for obj in scene.of_category(word)}
+    for key in spec.target_ids:
+        if named and key not in alike:
+            category = scene.by_id[key].category
+            message = f"episode {spec.id!r} names a {named}; its target {key} is a {category}."
+            raise SceneError(message, "Mend target_ids, or say in target_category what they are.")
 
 
 def require_objects(spec: EpisodeSpec, scene: Scene) -> None:

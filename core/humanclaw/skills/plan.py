@@ -89,6 +89,9 @@ class Keyframes:
                 raise MotionError("keyframes-finite", f"{joint} has keys that are not three finite numbers each")
             if joint != "root" and (most := np.abs(keys).max()) > WHOLE_TURN:
                 raise MotionError("keyframes-finite", f"{joint} has a key of {most:g}; keys are radians, not degrees")
+            if joint not in ("root", "pelvis") and np.abs(keys).max() > np.pi + 0.01:  # The pelvis may spin.
+                reason = f"{joint} has a key of {most:g}; keys are radians, at most 3.14 but for pelvis"
+                raise MotionError("keyframes-finite", reason)
 
     def _check_times(self) -> None:
         rising = bool(self.times) and all(np.diff(self.times) > 0)

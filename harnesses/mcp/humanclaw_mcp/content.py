@@ -316,7 +316,7 @@ def _sheet(skill: Skill) -> Json:
 
 
 def _bounds(part: Json) -> str:
-    return bounds(part) or str(part.get("type"))
+    return bounds(part) or " or ".join(map(str, part.get("enum", ()))) or str(part.get("type"))
 
 
 @functools.cache

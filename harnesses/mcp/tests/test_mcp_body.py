@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from mcp import Client
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
-from humanclaw import CallError, load_run
-from humanclaw_mcp.content import LOG, STATE
+from humanclaw import CallError, Keyframes, load_run, skill
+from humanclaw_mcp.content import LOG, STATE, task
 from humanclaw_mcp.server import Handlers, make_server
+from humanclaw_mcp.session import Settings
 
 pytestmark = pytest.mark.anyio
 FREE = ("stop", "turn_in_place", "walk")
@@ -160,6 +162,15 @@ async def test_the_prompt_explains_the_task(client, bodies):
     assert "Goal: Find the toilet." in words
     assert "turn_in_place (yaw_deg -75 to 75)" in words
     assert bodies.plugins.skill("walk").checks[0].question in words
+
+
+def test_the_prompt_names_the_choices_of_a_parameter():
+    @skill()
+    def wave(side: Literal["left", "right"] = "left") -> Keyframes:
+        """Wave a hand."""
+        return Keyframes.cycle(f"{side}_wrist", "x", 20, 0.5)
+
+    assert "- wave (side left or right): Wave a hand." in task("Wave.", [wave], Settings())
 
 
 async def test_an_unknown_resource_is_a_protocol_error_that_names_the_known(client):
