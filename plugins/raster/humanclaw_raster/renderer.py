@@ -73,34 +73,19 @@ class RasterRenderer:
         # Freed before packing: two scenes at once would fragment the heap of a process that visits many houses.
         self.close()
         names = sorted({obj.asset for obj in scene.objects})
-        number = {name: 1 + k for k, name in enumerate(names)}
         own = next(person_id(number) for number in count() if person_id(number) not in others)
         body = Person(self._looks or _skin_of(own))
         people = {key: Person(_skin_of(key), len(names) + 1 + k) for k, key in enumerate(others)}
-        skins = [person.mesh() for person in people.values()]
-        meshes = [body.mesh(), *(scene.assets[name].mesh for name in names), *skins]
-        glass = [panes(scene, name) for name in names]
-        glass = [np.zeros(len(meshes[0].faces), bool), *glass, *(np.zeros(len(mesh.faces), bool) for mesh in skins)]
-        model = pack(meshes, glass, panorama())
+        model = _model(scene, names, [body, *people.values()])
         self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}
         self._rest = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects}
         for obj in scene.of_category("wall"):
             self._rest[obj.id][1] -= LOWER
-        rows = 1 + len(scene.objects) + len(people)
-        last = range(len(names) + 1, len(meshes))
-        instances = Instances(
-            mesh=np.array([0, *(number[obj.asset] for obj in scene.objects), *last], np.int32),
-            id=np.array([BODY_ID, *(obj.id for obj in scene.objects), *people], np.int32),
-            turn=np.tile(np.eye(3), (rows, 1, 1)),
-            place=np.zeros((rows, 3)),
-        )
-        _put(instances, range(1, rows - len(people)), list(self._rest.values()))
-        movers = list(self._movers.values())
-        overhead = OverheadMapper(scene, model, instances, movers)
-        lit = light_up(scene, model, instances)
-        self._loaded = _LoadedScene(
-            scene, model, instances, overhead, lit, tuple(Glass.all_in(scene)), body, people
-        )  # fmt: skip
+        instances = _instances(scene, names, list(people))
+        _put(instances, range(1, 1 + len(scene.objects)), list(self._rest.values()))
+        overhead = OverheadMapper(scene, model, instances, list(self._movers.values()))
+        lit, mirrors = light_up(scene, model, instances), tuple(Glass.all_in(scene))
+        self._loaded = _LoadedScene(scene, model, instances, overhead, lit, mirrors, body, people)
         return self._loaded
 
     def render(self, state: WorldState, camera: Camera) -> View:
@@ -146,6 +131,26 @@ def _reflect(
     scene.instances.place[0] = scene.body.dress(scene.model, body, image.eye)
     reflection, _ = _painted(scene, image, small, glass)
     blend(view.rgb, shown, reflection.rgb, glass.shine)
+
+
+def _model(scene: Scene, names: Sequence[str], people: Sequence[Person]) -> Model:
+    """Return the meshes of the body, of the assets with these names, and of the other people, in this order."""
+    body, *others = [person.mesh() for person in people]
+    meshes = [body, *(scene.assets[name].mesh for name in names), *others]
+    glass = {1 + k: panes(scene, name) for k, name in enumerate(names)}
+    return pack(meshes, [glass.get(k, np.zeros(len(mesh.faces), bool)) for k, mesh in enumerate(meshes)], panorama())
+
+
+def _instances(scene: Scene, names: Sequence[str], others: Sequence[int]) -> Instances:
+    """Return the body, the objects and the other people, all at the origin. names: of the assets, as in the model."""
+    number, rows = {name: 1 + k for k, name in enumerate(names)}, 1 + len(scene.objects) + len(others)
+    last = range(len(names) + 1, len(names) + 1 + len(others))
+    return Instances(
+        mesh=np.array([0, *(number[obj.asset] for obj in scene.objects), *last], np.int32),
+        id=np.array([BODY_ID, *(obj.id for obj in scene.objects), *others], np.int32),
+        turn=np.tile(np.eye(3), (rows, 1, 1)),
+        place=np.zeros((rows, 3)),
+    )
 
 
 def _skin_of(person: int) -> Skin:
