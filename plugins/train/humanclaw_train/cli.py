@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 import click
 
 from humanclaw import Choice, Plugins, Simulator, default_simulator
+from humanclaw.body import JOINTS
 from humanclaw.cli import plugin_options, seed_option, show_markdown
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, read_header, shipped_base
 
@@ -156,12 +157,14 @@ def naturalness(
     from humanclaw_train import markdown
     from humanclaw_train.eval.rollouts import Command, Subject
     from humanclaw_train.eval.scenarios import SCENARIOS
-    from humanclaw_train.mocap.clips import load_pack
+    from humanclaw_train.mocap.clips import Folder
 
     commands = [Command.of(skill, path, plugins) for skill, path in paths().items()]
-    walkers = load_pack(clips) if clips else []
+    walkers = Folder.read(clips) if clips else Folder([])
+    for name, reason in walkers.left_out.items():
+        print(f"left out: {name} {reason}", file=sys.stderr)
     subject = Subject(
-        commands=commands, clips=walkers, plugins=plugins, simulator=_simulator(plugins, simulator), **settings
+        commands=commands, clips=walkers.clips, plugins=plugins, simulator=_simulator(plugins, simulator), **settings
     )
     tables = {}
     for title, scenario in SCENARIOS.items():
@@ -206,10 +209,11 @@ def _reading(command: F) -> F:
     def read(up: Any, fps: float | None, joint: tuple[str, ...], **settings: Any) -> None:
         from humanclaw_train.mocap.readers import Reading
 
-        if wrong := [pair for pair in joint if "=" not in pair]:
-            raise click.BadParameter(f"expected OURS=THEIRS; got {wrong[0]}.", param_hint="--joint")
-        joints = dict(pair.split("=", 1) for pair in joint)
-        command(reading=Reading(up, fps, joints), **settings)
+        pairs = [pair.partition("=") for pair in joint]
+        if wrong := ["".join(pair) for pair in pairs if pair[0] not in JOINTS or not pair[2]]:
+            said = f"expected OURS=THEIRS; got {wrong[0]}. Ours are {', '.join(JOINTS)}."
+            raise click.BadParameter(said, param_hint="--joint")
+        command(reading=Reading(up, fps, tuple((ours, theirs) for ours, _, theirs in pairs)), **settings)
 
     for option in (
         click.option("--joint", multiple=True, metavar="OURS=THEIRS", help="Name of a joint in the files; repeatable."),

@@ -100,7 +100,7 @@ def test_clips_are_left_out_for_a_reason(build, tmp_path):
     assert "cannot be read" in reasons["cut_off.npz"]
     assert "expected JSON" in reasons["LICENSE.txt"]
     assert "expected poses (T, 66, 72, 156 or 165)" in reasons["quaternions.npz"]
-    assert "expected frames a second; got 0.0333333" in reasons["seconds.npz"]
+    assert "expected frames a second as mocap_framerate; got 0.0333333" in reasons["seconds.npz"]
     assert "Head, pelvis and feet are in one place" in reasons["point.bvh"]
 
 
@@ -219,4 +219,7 @@ def test_what_files_do_not_say_is_an_option(build, tmp_path, capsys):
     assert seconds[1] == pytest.approx(seconds[0] / 2, abs=0.05)
     assert seconds[2] == seconds[0]
     assert build(tmp_path / "S", tmp_path / "x", "--joint", "head") == 2
-    assert "expected OURS=THEIRS; got head" in capsys.readouterr().err
+    assert build(tmp_path / "S", tmp_path / "x", "--joint", "kopf=head") == 2
+    told = capsys.readouterr().err
+    assert "expected OURS=THEIRS; got head" in told
+    assert "got kopf=head. Ours are pelvis" in " ".join(told.split())

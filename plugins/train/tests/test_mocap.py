@@ -167,9 +167,29 @@ def test_an_asf_may_be_written_otherwise(tmp_path, skeleton, motion, joint, inch
 
 def test_an_amc_may_say_its_rate(tmp_path):
     written(tmp_path, "07.asf", ASF)
-    assert load(written(tmp_path, "07_01.amc", AMC)).fps == 120
-    assert load(written(tmp_path, "07_02.amc", AMC.replace(":DEGREES", ":SAMPLES-PER-SECOND 60\n:DEGREES"))).fps == 60
+    for word in (":SAMPLES-PER-SECOND 60", ":FPS 60", ":frame-rate: 60"):
+        said = load(written(tmp_path, "07_02.amc", AMC.replace(":DEGREES", f"{word}\n:DEGREES")))
+        assert (said.fps, said.note) == (60, "")
     assert load(written(tmp_path, "07_03.amc", AMC), Reading(fps=100)).fps == 100
+    silent = load(tmp_path / "07_03.amc")
+    assert silent.fps == 120
+    assert "120 frames a second assumed: --fps" in silent.note
+
+
+def test_an_asked_rate_stands_for_one_that_is_missing_or_wrong(tmp_path):
+    for said in ("0", "1", "0,0083", "8.3333"):
+        path = written(tmp_path, "a.bvh", BVH.replace("0.0083333", said))
+        assert load(path, Reading(fps=50)).fps == 50
+    assert load(written(tmp_path, "a.bvh", BVH.replace("0.0083333", "0,0083333"))).fps == 120
+    standing = {"poses": np.tile([np.pi / 2] + [0] * 65, (9, 1)), "trans": np.tile([0, 0, 0.9], (9, 1))}
+    for more in ({}, {"mocap_framerate": 0}, {"mocap_framerate": [30, 30]}):
+        np.savez(tmp_path / "a.npz", **standing, **more)
+        assert load(tmp_path / "a.npz", Reading(fps=50)).fps == 50
+        with pytest.raises(MocapError, match=r"framerate.*"):
+            load(tmp_path / "a.npz")
+    for name in ("fps", "frame_rate"):
+        np.savez(tmp_path / "a.npz", **standing, **{name: 60})
+        assert load(tmp_path / "a.npz").fps == 60
 
 
 def test_a_bvh_may_be_in_capitals_or_not_and_in_utf_16(tmp_path):
@@ -324,9 +344,16 @@ def test_what_a_file_says_wrong_is_named(tmp_path, name, change, words):
         load(tmp_path / ("a.bvh" if name == "a.bvh" else "07_01.amc"))
 
 
+def test_a_joint_of_the_table_that_no_skeleton_has_is_named(tmp_path):
+    path = written(tmp_path, "a.bvh", standing_bvh())
+    with pytest.raises(MocapError, match="no joint for head"):
+        retarget(load(path, Reading(joints=(("head", "Kopf"),))))
+
+
 def test_a_table_of_joints_fits_any_skeleton(tmp_path):
     text = standing_bvh().replace("LeftUpLeg", "Bein_L").replace("Hips", "Becken")
     with pytest.raises(MocapError, match=r"no joint for pelvis, left_hip\. It has Becken, Bein_L"):
         retarget(load(written(tmp_path, "a.bvh", text)))
-    motion = retarget(load(tmp_path / "a.bvh", Reading(joints={"pelvis": "Becken", "left_hip": "Bein_L"})))
+    names = (("pelvis", "Becken"), ("pelvis", "Hueft"), ("left_hip", "Thigh1"), ("left_hip", "Bein_L"))
+    motion = retarget(load(tmp_path / "a.bvh", Reading(joints=names)))
     assert motion.joints()[0, JOINTS.index("head"), 1] > 1.3

@@ -24,7 +24,7 @@ from humanclaw.body import (
 from humanclaw.skills import outcomes
 from humanclaw_train.data.chunks import Chunks, canonical, cut
 from humanclaw_train.data.curate import IDLE_SHARE, build_real, travel
-from humanclaw_train.mocap.clips import Clip, load_pack
+from humanclaw_train.mocap.clips import Clip, Folder
 from humanclaw_train.mocap.readers import load
 from humanclaw_train.mocap.retarget import leg_length, resample, retarget
 from humanclaw_train.mocap.source_motion import MocapError, SourceMotion
@@ -177,12 +177,32 @@ def test_a_body_with_left_and_right_exchanged_is_refused(source):
         retarget(replace(source, joints=names))
 
 
-@pytest.mark.parametrize(("unit", "slides"), [(0.01, "99%"), (0.0, "100%"), (10, "-90.%")])
-def test_a_root_in_another_unit_than_the_bones_is_refused(source, unit, slides):
+def travelling(source, unit):
+    return replace(
+        source,
+        positions=source.positions + (unit - 1) * (source.positions[:, :1] - source.positions[:1, :1]) * [1, 0, 1],
+    )
+
+
+@pytest.mark.parametrize(
+    ("unit", "slides", "remedy"),
+    [
+        (0.01, "99%", "in the unit of the bones"),
+        (0.4, "60%", r"Divide the root's positions by 0\.40?"),
+        (1.5, "-50%", r"Divide the root's positions by 1\.5"),
+        (10, "-90.%", "Divide the root's positions by 10"),
+        (0.0, "100%", "off a treadmill"),
+    ],
+)
+def test_a_root_in_another_unit_than_the_bones_is_refused(source, unit, slides, remedy):
     """A foot that stands moves by one step less than the root: by unit - 1 of it."""
-    travel = (source.positions[:, :1] - source.positions[:1, :1]) * [1, 0, 1]
-    with pytest.raises(MocapError, match=f"slide by {slides}.*another unit"):
-        retarget(replace(source, positions=source.positions + (unit - 1) * travel))
+    with pytest.raises(MocapError, match=f"slide by {slides}.*another unit.*{remedy}"):
+        retarget(travelling(source, unit))
+
+
+@pytest.mark.parametrize("unit", [0.6, 1.2])
+def test_feet_may_slide_as_much_as_captured_ones_do(source, unit):
+    assert len(retarget(travelling(source, unit))) == len(source)
 
 
 @pytest.mark.parametrize(("unit", "share"), [(0.01, "-99%"), (0.3937, "-6.%"), (2.54, "1[56].%"), (1.0, "")])
@@ -209,15 +229,25 @@ def pack(folder, humanoid3d, notes):
 
 
 def test_a_pack_gives_its_clips_with_their_spans(tmp_path, humanoid3d, walk):
-    (clip,) = load_pack(pack(tmp_path, humanoid3d, "frames walk 0-20 25-99; stop 3-3. a remark with 5-6"))
+    (clip,) = Folder.read(pack(tmp_path, humanoid3d, "frames walk 0-20 25-99; stop 3-3; . a remark with 5-6")).clips
     assert (clip.name, clip.source, clip.licence, clip.real) == ("walk", "Some", "MIT", True)
     assert clip.spans == {"walk": ((0, 20), (25, 38)), "stop": (), "base": ((0, 38),)}
     np.testing.assert_allclose(clip.motion.root, walk.root)
 
 
-def test_a_folder_without_a_table_is_refused(tmp_path):
-    with pytest.raises(MocapError, match=r"clips\.csv is missing"):
-        load_pack(tmp_path)
+def test_a_row_that_cannot_be_read_ends_no_others_reading(tmp_path, humanoid3d, walk):
+    """The table begins with the mark that Excel writes; a row may end early."""
+    table = pack(tmp_path, humanoid3d, "") / "clips.csv"
+    head, good = table.read_text().splitlines()
+    rows = [head, good, good.replace("walk.txt", "lost.txt"), good + "frames walk 0_20", "clip.bvh"]
+    table.write_text("\n".join(rows), encoding="utf-8-sig")
+    (tmp_path / "clip.bvh").write_text("hello")
+    folder = Folder.read(tmp_path)
+    assert [clip.name for clip in folder.clips] == ["walk"]
+    reasons = "; ".join(folder.left_out.values())
+    assert folder.left_out.keys() == {"some.tar.xz!some/lost.txt", "some.tar.xz!some/walk.txt", "clip.bvh"}
+    for words in ("No such file", "expected notes such as", "HIERARCHY"):
+        assert words in reasons
 
 
 def test_a_mirrored_walk_exchanges_left_and_right(walk):

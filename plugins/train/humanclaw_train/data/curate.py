@@ -121,7 +121,7 @@ class Use:
         """
         size = (seconds_of(clip), windows, chunks.get("base", 0))
         if chunks:
-            return cls(clip.name, clip.source, "trained on", "", *size)
+            return cls(clip.name, clip.source, "trained on", clip.note, *size)
         reason = max(flawed, key=flawed.__getitem__) if any(flawed.values()) else "no label"
         reason = reason if windows else f"shorter than {CHUNK / FPS:.2f} s"
         return cls(clip.name, clip.source, "left out", reason, *size)

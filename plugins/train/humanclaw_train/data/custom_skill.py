@@ -8,6 +8,7 @@ files of recorded episodes, in subfolders too.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -128,8 +129,8 @@ def saved(
     """Make the chunks of a skill from a folder of motion and write out/<skill>.npz.
 
     base: gives the standing pose; None for the shipped one. reading: what the files do not say. Returns the chunks, and
-    warnings: of files that were left out and of every parameter whose bounds exceed the chunks' range, beyond which an
-    adapter does not learn.
+    warnings: of files that were left out, of what was assumed, and of every parameter whose bounds exceed the chunks'
+    range, beyond which an adapter does not learn.
     """
     standing = load_base(base or shipped_base())
     start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
@@ -137,8 +138,9 @@ def saved(
     chunks = chunks_of(skill, folder.clips, seconds, seed, start[HISTORY - 1 :])
     chunks.save(out / f"{skill.name}.npz")
     shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
-    left_out = [f"left out: {name} {reason}" for name, reason in folder.left_out.items()]
-    return chunks, left_out + [_reach(*spread) for spread in shown if _wider(*spread)]
+    told = [f"left out: {name} {reason}" for name, reason in folder.left_out.items()]
+    told += [f"{note} ({count} clips)" for note, count in Counter(clip.note for clip in folder.clips).items() if note]
+    return chunks, told + [_reach(*spread) for spread in shown if _wider(*spread)]
 
 
 def _wider(parameter: Parameter, low: float, high: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +17,7 @@ ASF_INCH: Final = 0.0254
 _CHANNELS: Final = frozenset(f"{kind}{axis}" for kind in "tr" for axis in "xyz")
 _FPS: Final = 120.0
 """Rate of AMC files that do not say theirs, as those of CMU and HDM05."""
+_RATES: Final = ("samples-per-second", "fps", "frame-rate", "framerate")
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,8 @@ def skeleton_of(amc: Path) -> Path:
     return max(matches, key=lambda asf: len(asf.stem))
 
 
-def load_amc(path: Path, skeleton: Path) -> SourceMotion:
-    """Read an AMC motion on its ASF skeleton, in metres.
+def load_amc(path: Path, skeleton: Path, fps: float | None = None) -> SourceMotion:
+    """Read an AMC motion on its ASF skeleton, in metres. fps: frames a second in place of what it says.
 
     Joint `x` is where bone x begins; `x_end` is the tip of a last bone. Raises MocapError for broken files.
     """
@@ -77,7 +78,9 @@ def load_amc(path: Path, skeleton: Path) -> SourceMotion:
             scale = [degrees if channel[0] == "r" else asf.unit for channel in bone.dof]
             moved, local[:, joint] = bone.motion(_values(path, bone, rows) * scale)
             offsets[:, joint] += moved
-    return asf.tree.motion(path, float(head.get("samples-per-second", _FPS)), offsets[:, 0], local, offsets)
+    fps = fps or next((float(head[word]) for word in _RATES if word in head), None)
+    motion = asf.tree.motion(path, fps or _FPS, offsets[:, 0], local, offsets)
+    return motion if fps else replace(motion, note=f"{_FPS:g} frames a second assumed: --fps gives another rate")
 
 
 def _values(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Array:
@@ -98,7 +101,7 @@ def _amc_rows(path: Path) -> tuple[dict[str, str], list[dict[str, list[float]]]]
         for line in read_text(path).splitlines():
             name, *values = line.split() or [""]
             if name.startswith(":"):
-                head[name[1:].lower()] = " ".join(values)
+                head[name.strip(":").lower()] = " ".join(values)
             elif name.isdigit():
                 rows.append({})
             elif rows and values:

@@ -16,10 +16,11 @@ _SLOWEST: Final = 0.2
 """Longest time between two frames, seconds: more than that are milliseconds, or no motion."""
 
 
-def load_bvh(path: Path) -> SourceMotion:
+def load_bvh(path: Path, fps: float | None = None) -> SourceMotion:
     """Read a BVH file. A position channel replaces its joint's offset; an end site becomes the joint `<parent>_end`.
 
-    Keywords and channels may be in capitals or not. Raises MocapError for a broken file.
+    Keywords and channels may be in capitals or not. fps: frames a second in place of what it says. Raises MocapError
+    for a broken file.
     """
     head, *tail = re.split(r"^\s*MOTION\b", read_text(path), maxsplit=1, flags=re.IGNORECASE | re.MULTILINE)
     # 3ds Max writes names with blanks, such as `Bip01 L Thigh`.
@@ -27,7 +28,7 @@ def load_bvh(path: Path) -> SourceMotion:
         r"(?im)^(\s*(?:ROOT|JOINT)\b)([^{\n]*)", lambda line: f"{line[1]} {'_'.join(line[2].split())} ", head
     )
     tree, channels = _bvh_tree(path, joined.split())
-    fps, values = _bvh_frames(path, "".join(tail), sum(map(len, channels)))
+    fps, values = _bvh_frames(path, "".join(tail), sum(map(len, channels)), fps)
     offsets = np.tile(tree.offsets, (len(values), 1, 1))
     local = np.tile(np.eye(3), (*offsets.shape[:2], 1, 1))
     first = 0
@@ -80,22 +81,23 @@ def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]
     return Tree(tuple(joints), tuple(parents), np.array(offsets)), channels
 
 
-def _bvh_frames(path: Path, text: str, width: int) -> tuple[float, Array]:
+def _bvh_frames(path: Path, text: str, width: int, fps: float | None) -> tuple[float, Array]:
     said = re.match(r"\s*Frames:\s*(\d+)\s*Frame\s+Time:\s*(\S+)(.*)", text, re.IGNORECASE | re.DOTALL)
     try:
         if said is None:
             raise ValueError("these words are missing")
-        frames, seconds, values = int(said[1]), float(said[2]), np.array(said[3].split(), float)
+        frames, seconds = int(said[1]), 1 / fps if fps else float(said[2].replace(",", "."))
+        values = np.array(said[3].split(), float)
     except ValueError as error:
         expected = "expected `Frames: N`, `Frame Time: seconds` and numbers after MOTION"
         raise MocapError(f"{path}: {expected}; {error}.", "Correct the file, or export it again.") from error
-    if not 0 < seconds <= _SLOWEST:
+    if not fps and not 0 < seconds <= _SLOWEST:
         expected = f"`Frame Time` must be seconds, above 0 and at most {_SLOWEST}"
-        raise MocapError(f"{path}: {expected}; got {said[2]}.", "Write 0.033333 for 30 a second.")
+        raise MocapError(f"{path}: {expected}; got {said[2]}.", "Give the frames a second: --fps 30.")
     if len(values) != frames * width:
         raise MocapError(
             f"{path}: {frames} frames of {width} channels need {frames * width} numbers; the file has {len(values)}.",
             "The file is cut off, or its Frames is wrong.",
         )
     # Frame times have six or seven digits, so a whole rate comes out slightly off: round it.
-    return float(round(1.0 / seconds, 1)), values.reshape(frames, width)
+    return fps or float(round(1.0 / seconds, 1)), values.reshape(frames, width)

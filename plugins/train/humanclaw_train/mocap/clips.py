@@ -6,9 +6,9 @@ import csv
 import re
 import tarfile
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -38,36 +38,23 @@ class Clip:
     source: str
     licence: str
     real: bool = True
+    note: str = ""
+    """What was assumed when it was read."""
 
     def tagged(self, tag: str) -> tuple[tuple[int, int], ...]:
         """Return the spans of a tag. An unlabelled clip may show anything anywhere."""
         return ((0, len(self.motion) - 1),) if self.spans is None else self.spans.get(tag, ())
 
 
-def load_pack(folder: Path) -> list[Clip]:
-    """Retarget every clip that `folder/clips.csv` lists.
-
-    Rows name their file, or `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder.
-    Raises MocapError for a missing or broken file.
-    """
-    with tempfile.TemporaryDirectory() as temporary:
-        rows = list(_rows(folder))
-        for archive in sorted({row["file"].split("!")[0] for row in rows if "!" in row["file"]}):
-            _unpack(folder / archive, Path(temporary))
-        return [_row_clip(row, Path(temporary) if "!" in row["file"] else folder) for row in rows]
-
-
 _COLUMNS: Final = ("file", "source", "licence", "skill_tags", "notes")
 
 
-def _rows(folder: Path) -> Iterable[dict[str, str]]:
-    table = folder / "clips.csv"
-    if not table.is_file():
-        raise MocapError(f"{table} is missing.", "Give the folder that contains clips.csv and its archives.")
-    with table.open(newline="", encoding="utf-8") as lines:
-        rows = csv.DictReader(lines)
+def _rows(table: Path) -> Iterable[dict[str, str]]:
+    with table.open(newline="", encoding="utf-8-sig", errors="replace") as lines:
+        rows = csv.DictReader(lines, restval="")
         if lacking := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
-            raise MocapError(f"{table} has no column {', '.join(lacking)}.", f"It needs {', '.join(_COLUMNS)}.")
+            needed = f"It needs {', '.join(_COLUMNS)}, with commas between them."
+            raise MocapError(f"{table} has no column {', '.join(lacking)}.", needed)
         yield from rows
 
 
@@ -79,14 +66,13 @@ def _unpack(archive: Path, folder: Path) -> None:
         raise MocapError(f"{archive} cannot be unpacked: {error}.", "Download the archive again.") from error
 
 
-def _row_clip(row: Mapping[str, str], folder: Path) -> Clip:
-    member = row["file"].split("!")[-1]
-    source, first = _without_setup_pose(load(folder / member))
+def _row_clip(row: Mapping[str, str], file: Path, reading: Reading) -> Clip:
+    source, first = _without_setup_pose(load(file, reading))
     motion = retarget(source)
     spans = {tag: _at_30_fps(ranges, first, source.fps, len(motion)) for tag, ranges in _tagged(row["notes"]).items()}
     if "base" in row["skill_tags"].split():
         spans["base"] = ((0, len(motion) - 1),)
-    return Clip(Path(member).stem, motion, MappingProxyType(spans), row["source"], row["licence"])
+    return Clip(file.stem, motion, MappingProxyType(spans), row["source"], row["licence"], note=source.note)
 
 
 def _without_setup_pose(source: SourceMotion) -> tuple[SourceMotion, int]:
@@ -103,9 +89,11 @@ def _tagged(notes: str) -> dict[str, list[tuple[int, int]]]:
     """Parse the spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
     listed = re.match(r"frames ([^.]*)", notes)
     spans: dict[str, list[tuple[int, int]]] = {}
-    for part in listed[1].split(";") if listed else ():
-        tag, *ranges = part.split()
-        spans[tag] = [(int(first), int(last)) for first, last in (item.split("-") for item in ranges if "-" in item)]
+    for tag, *ranges in filter(None, map(str.split, listed[1].split(";") if listed else ())):
+        pairs = [re.fullmatch(r"(\d+)-(\d+)", item) for item in ranges]
+        if not all(pairs):
+            raise MocapError(f"expected notes such as `frames walk 0-340 400-480; stop 500-620.`; got `{notes}`.")
+        spans[tag] = [(int(pair[1]), int(pair[2])) for pair in pairs if pair]
     return spans
 
 
@@ -127,38 +115,54 @@ class Folder:
     def read(cls, folder: Path, reading: Reading = AS_WRITTEN) -> Folder:
         """Read what `folder/clips.csv` lists or, without such a table, every motion file of the folder and below.
 
-        reading: what the files do not say; clips.csv names files that need nothing. Raises MocapError if no clip can be
-        read.
+        Rows of the table name their file, or `archive.tar.xz!member`. Archives are unpacked into a temporary folder.
+        reading: what the files do not say. Raises MocapError if no clip can be read.
         """
-        if (folder / "clips.csv").is_file():
-            return cls(load_pack(folder))
-        files = sorted(file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES and file.name != TERMS)
         clips, left_out = [], {}
-        for file in tqdm(files, unit="clip", disable=None):
-            try:
-                clips.append(_file_clip(file, folder, reading))
-            except MocapError as error:
-                # Without the file's name, so that a report can group files by reason.
-                left_out[str(file.relative_to(folder))] = str(error).removeprefix(str(file)).lstrip(": ")
-            except (ArithmeticError, LookupError, MemoryError, TypeError, ValueError) as error:
-                # One file of an exporter that nobody foresaw must not end the reading of the others.
-                left_out[str(file.relative_to(folder))] = f"cannot be read: {type(error).__name__}: {error}"
+        with tempfile.TemporaryDirectory() as temporary:
+            for name, file, read in tqdm([*_listed(folder, Path(temporary), reading)], unit="clip", disable=None):
+                try:
+                    clips.append(read())
+                except MocapError as error:
+                    # Without the file's name, so that a report can group files by reason.
+                    left_out[name] = str(error).removeprefix(str(file)).lstrip(": ")
+                except (ArithmeticError, LookupError, MemoryError, TypeError, ValueError) as error:
+                    # One file of an exporter that nobody foresaw must not end the reading of the others.
+                    left_out[name] = f"cannot be read: {type(error).__name__}: {error}"
         if not clips:
+            first = next((f"; the first, {name}: {reason}" for name, reason in left_out.items()), "")
             raise MocapError(
-                f"{folder} holds no motion ({len(left_out)} files were tried).",
+                f"{folder} holds no motion ({len(left_out)} files were tried{first}).",
                 "Give a folder of .npz (AMASS), .bvh, .amc with .asf, or .txt (humanoid3d) files.",
             )
         return cls(clips, left_out)
 
 
+def _listed(folder: Path, temporary: Path, reading: Reading) -> Iterator[tuple[str, Path, Callable[[], Clip]]]:
+    """Yield the name, the file and the reader of each clip of a folder."""
+    if not (folder / "clips.csv").is_file():
+        files = (file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES and file.name != TERMS)
+        yield from (
+            (str(file.relative_to(folder)), file, partial(_file_clip, file, folder, reading)) for file in sorted(files)
+        )
+        return
+    rows = list(_rows(folder / "clips.csv"))
+    for archive in sorted({row["file"].split("!")[0] for row in rows if "!" in row["file"]}):
+        _unpack(folder / archive, temporary)
+    for row in rows:
+        file = (temporary if "!" in row["file"] else folder) / row["file"].split("!")[-1]
+        yield row["file"], file, partial(_row_clip, row, file, reading)
+
+
 def _file_clip(file: Path, folder: Path, reading: Reading) -> Clip:
-    recorded = _recorded(file) if file.suffix.lower() == ".npz" else None
-    motion = retarget(load(file, reading)) if recorded is None else recorded
     below = file.relative_to(folder)
     # AMASS/STUDIO/SUBJECT/CLIP: licences belong to studios.
-    studio = folder / below.parts[0] if len(below.parts) > 2 else folder
-    source, licence = terms(studio)
-    return Clip(str(below.with_suffix("")), motion, None, source, licence, real=recorded is None)
+    studio, licence = terms(folder / below.parts[0] if len(below.parts) > 2 else folder)
+    name, recorded = str(below.with_suffix("")), _recorded(file) if file.suffix.lower() == ".npz" else None
+    if recorded is not None:
+        return Clip(name, recorded, None, studio, licence, real=False)
+    source = load(file, reading)
+    return Clip(name, retarget(source), None, studio, licence, note=source.note)
 
 
 @cache

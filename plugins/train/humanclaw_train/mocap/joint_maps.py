@@ -78,8 +78,9 @@ def naming_of(source: SourceMotion) -> Mapping[str, str]:
         }
         for naming in NAMINGS
     ]
-    best = max(fits, key=len) | dict(source.naming)
-    if missing := [name for name in _NEEDED if best.get(name) not in source.joints]:
+    # Of several names of one joint, as of files with several skeletons, the one that this skeleton has.
+    best = max(fits, key=len) | dict(sorted(source.naming, key=lambda pair: pair[1] in source.joints))
+    if missing := [name for name in dict.fromkeys((*_NEEDED, *best)) if best.get(name) not in source.joints]:
         raise MocapError(
             f"{source.source or 'This skeleton'} has no joint for {', '.join(missing)}. "
             f"It has {', '.join(source.joints)}.",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -30,8 +30,8 @@ class Reading:
     """The axis that points up; None to find it from head, feet and floor."""
     fps: float | None = None
     """Frames a second; None for what the file says."""
-    joints: Mapping[str, str] = field(default_factory=dict)
-    """Joints by our names (humanclaw.body.JOINTS), for a skeleton of no known convention."""
+    joints: tuple[tuple[str, str], ...] = ()
+    """Pairs of our names of joints (humanclaw.body.JOINTS) and theirs, for skeletons of no known convention."""
 
 
 AS_WRITTEN: Final = Reading()
@@ -46,12 +46,10 @@ def load(path: Path, reading: Reading = AS_WRITTEN) -> SourceMotion:
     if suffix not in _READERS:
         raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
     try:
-        source = replace(_READERS[suffix](path), naming=reading.joints)
+        source = replace(_READERS[suffix](path, reading.fps), naming=reading.joints)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         # Whatever else is wrong with one file must not end the reading of a folder.
         raise MocapError(f"{path} cannot be read: {error}.", "Correct the file, or export it again.") from error
-    if reading.fps:
-        source = replace(source, fps=reading.fps)
     return stood_up(source, reading.up)
 
 
@@ -63,18 +61,18 @@ _WIDTHS: Final = (66, 72, 156, 165)
 """Columns of `poses`: SMPL's body, with hands, SMPL+H, SMPL-X. Quaternions and 6D rotations have others."""
 _SLOWEST: Final = 5.0
 """Fewest frames a second: less is the time of a frame."""
+_RATES: Final = ("mocap_framerate", "mocap_frame_rate", "fps", "frame_rate")
 
 
-def load_amass(path: Path) -> SourceMotion:
-    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`).
+def load_amass(path: Path, fps: float | None = None) -> SourceMotion:
+    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`). fps: frames a second in place of what it says.
 
     Bones get our own lengths, because a subject's lengths need SMPL files, which this package does not have.
     """
     try:
         with np.load(path, allow_pickle=False) as data:
             poses, trans = np.asarray(data["poses"], float), np.asarray(data["trans"], float)
-            rate = data["mocap_framerate"] if "mocap_framerate" in data else data["mocap_frame_rate"]
-            fps = float(np.squeeze(rate))
+            fps = fps or next((float(np.squeeze(data[key])) for key in _RATES if key in data), 0.0)
     except (*UNREADABLE, TypeError) as error:
         raise MocapError(
             f"{path} is no AMASS motion: {error}.", "Give an npz with poses, trans and mocap_framerate."
@@ -85,9 +83,7 @@ def load_amass(path: Path) -> SourceMotion:
             "Write three numbers a joint: its rotation about an axis, in radians.",
         )
     if fps < _SLOWEST:
-        raise MocapError(
-            f"{path}: expected frames a second; got {fps:g}.", "Write 30 where a frame takes 1/30 of a second."
-        )
+        raise MocapError(f"{path}: expected frames a second as mocap_framerate; got {fps:g}.", "Give them: --fps 30.")
     if (away := float(np.linalg.norm(trans[:1]))) > _FAR:
         raise MocapError(
             f"{path}: expected trans in metres; it begins {away:.0f} from 0.", "Divide it by 100 if it is centimetres."
@@ -114,8 +110,8 @@ _HUMANOID3D: Final = (
 _HUMANOID3D_HINGES: Final = ("right_knee", "right_elbow", "left_knee", "left_elbow")
 
 
-def load_humanoid3d(path: Path) -> SourceMotion:
-    """Read a DeepMimic humanoid3d text file.
+def load_humanoid3d(path: Path, fps: float | None = None) -> SourceMotion:
+    """Read a DeepMimic humanoid3d text file. fps: frames a second in place of what it says.
 
     It is JSON with rows of 44 numbers: seconds, root, then quaternions (w, x, y, z) and hinge angles.
     """
@@ -140,13 +136,13 @@ def load_humanoid3d(path: Path) -> SourceMotion:
             column += 4
     # The format faces +X with its right at +Z. Turn it about the vertical: +Z forward, +X left.
     turn = matrix_from_vector(np.array([0.0, -np.pi / 2, 0.0]))
-    fps = float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
+    fps = fps or float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
     return tree.motion(path, fps, rows[:, 1:4], local).turned(turn, turn)
 
 
-_READERS: Final[Mapping[str, Callable[[Path], SourceMotion]]] = {
+_READERS: Final[Mapping[str, Callable[[Path, float | None], SourceMotion]]] = {
     ".bvh": load_bvh,
-    ".amc": lambda path: load_amc(path, skeleton_of(path)),
+    ".amc": lambda path, fps: load_amc(path, skeleton_of(path), fps),
     ".npz": load_amass,
     ".txt": load_humanoid3d,
 }

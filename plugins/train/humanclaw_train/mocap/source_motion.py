@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -47,8 +47,10 @@ class SourceMotion:
     rest: Rest
     source: str = ""
     """File that it was read from."""
-    naming: Mapping[str, str] = field(default_factory=dict)
-    """Joints by our names (humanclaw.body.JOINTS), for a skeleton of no known convention."""
+    naming: tuple[tuple[str, str], ...] = ()
+    """Pairs of our names of joints (humanclaw.body.JOINTS) and theirs, for skeletons of no known convention."""
+    note: str = ""
+    """What its reader assumed."""
 
     def __post_init__(self) -> None:
         frames, count = len(self.positions), len(self.joints)
