@@ -188,7 +188,7 @@ def travelling(source, unit):
     ("unit", "slides", "remedy"),
     [
         (0.01, "99%", "in the unit of the bones"),
-        (0.4, "60%", r"Divide the root's positions by 0\.40?"),
+        (0.4, "60%", r"Divide the root's positions by 0\.4"),
         (1.5, "-50%", r"Divide the root's positions by 1\.5"),
         (10, "-90.%", "Divide the root's positions by 10"),
         (0.0, "100%", "off a treadmill"),
