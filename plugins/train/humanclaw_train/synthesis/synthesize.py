@@ -163,9 +163,8 @@ def _style(profiles: Profiles, n: int, rng: np.random.Generator) -> Style:
 def _eyes_level(pose: Array, down: float) -> Array:
     """Bend neck and head so that the eyes look `down` radians below the horizon, because the camera is in the head."""
     pose = pose.copy()
-    missing = down - pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]].sum(
-        -1
-    )
+    trunk = pose[..., [0, *(channel(joint) for joint in ("spine1", "spine2", "spine3", "neck", "head"))]]
+    missing = down - trunk.sum(-1)
     pose[..., channel("neck")] += 0.4 * missing
     pose[..., channel("head")] += 0.6 * missing
     return pose
