@@ -17,6 +17,7 @@ from humanclaw.plugins import EpisodeContext, HistoryEntry, Observation
 from humanclaw.records import (
     Answer,
     Attempt,
+    Decision,
     EpisodeRecord,
     EpisodeSpec,
     EpisodeWriter,
@@ -58,63 +59,72 @@ def record_episode(
 ) -> Scene:
     """Let the oracle walk to a seat, sit down and stop; write the records that the loop would write."""
     scene = scene or two_rooms()
-    spec = EpisodeSpec(
-        id=name, instruction=instruction or "find a couch, navigate to it with zero distance, and finally sit on it.",
-        scene=scene.name, target_category=scene.by_id[targets[0]].category, target_ids=targets, interact=True,
-        start=scene.start,
-    )  # fmt: skip
-    boxes, nearest = {key: scene.aabb(key) for key in targets}, targets[0]
-    record = EpisodeRecord(
-        spec=spec, start=scene.start, agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
-        weights={"base": "abc"}, scene_digest=scene.digest,
-        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=INFOS,
-        created="2026-01-01T00:00:00+00:00", settings=settings or {},
-        ground=tuple(o.id for o in scene.objects if o.category in GROUND),
-    )  # fmt: skip
+    record = _record(scene, instruction, name, targets, settings or {})
     writer, walker, oracle = EpisodeWriter(folder, record), Walker(scene, targets), OracleAgent()
     writer.open()
-    oracle.begin(EpisodeContext(spec, SKILLS, 0, scene, walker.state))
+    oracle.begin(EpisodeContext(record.spec, SKILLS, 0, scene, walker.state))
     history: list[HistoryEntry] = []
     heights = [walker.ground + walker.height] * HISTORY
     for number in range(100):
         before, first = walker.state().body, len(walker.track)
-        decision = oracle.decide(Observation(number, spec.instruction, PICTURE), history)
+        decision = oracle.decide(Observation(number, record.spec.instruction, PICTURE), history)
         walker.execute(decision.calls[0])
         history.append(HistoryEntry(number, decision, Feedback(decision.calls[0]), PICTURE))
         walker.track += [(walker.x, walker.z)] * max(0, 15 - len(walker.track) + first)
         walker.track[first:] = walker.track[first:][-15:]
         heights += [walker.ground + walker.height] * 15
-        after = walker.state().body
-        call = decision.calls[0]
-        writer.keep(
-            StepRecord(
-                step=number, status="stopped" if call.skill == "stop" else "executed", attempts=(Attempt(decision),),
-                verdict=Verdict(accepted=number != 3,
-                                      replacement=None if number != 3 else Call(skill="walk", params={"z_cm": 60}),
-                                      answers=(Answer(check="clear", passed=number != 3, note="too far"),)),
-                call=Call(skill=call.skill, params=dict(call.params) if number != 3 else {"z_cm": 60}),
-                motion_frames=15,
-                frame_file=writer.frame(f"{number:04d}.jpg", picture(number)),
-                start=tuple(before.root[-1]), end=tuple(after.root[-1]),
-                yaw_start=float(before.yaw()[-1]), yaw_end=float(after.yaw()[-1]),
-                target_pixels={nearest: 3000 if "A couch" in decision.visible_state else 0},
-                target_distance=float(distance_to_box(after.joints()[-1], *boxes[nearest]).min()),
-                pelvis_contacts=(nearest,) if walker.sat else (),
-                contacts=(foot(record.ground[0], walker.ground), *([foot(nearest, 0.3)] if number > 17 else [])),
-                seconds={"observe": 0.08, "decide": 0.01, "verify": 0.02, "generate": 0.09, "simulate": 0.12},
-            )
-        )  # fmt: skip
-        if call.skill == "stop":
+        frame = writer.frame(f"{number:04d}.jpg", picture(number))
+        writer.keep(_step(record, number, decision, walker, before, frame))
+        if decision.calls[0].skill == "stop":
             break
     track = np.array([(scene.start.x, scene.start.z)] * HISTORY + walker.track)
-    still = rest_pose(len(track))
-    motion = Motion(np.stack([track[:, 0], heights, track[:, 1]], -1), still.rotations)
-    arrays = {
-        f"{kind}_{part}": getattr(motion, part) for kind in ("generated", "simulated") for part in ("root", "rotations")
-    }
-    writer.move(arrays)
+    motion = Motion(np.stack([track[:, 0], heights, track[:, 1]], -1), rest_pose(len(track)).rotations)
+    kinds, parts = ("generated", "simulated"), ("root", "rotations")
+    writer.move({f"{kind}_{part}": getattr(motion, part) for kind in kinds for part in parts})
     writer.end(record.model_copy(update={"outcome": "stopped", "steps": number + 1}))
     return scene
+
+
+def _record(
+    scene: Scene, instruction: str, name: str, targets: tuple[int, ...], settings: dict[str, dict[str, object]]
+) -> EpisodeRecord:
+    spec = EpisodeSpec(
+        id=name, instruction=instruction or "find a couch, navigate to it with zero distance, and finally sit on it.",
+        scene=scene.name, target_category=scene.by_id[targets[0]].category, target_ids=targets, interact=True,
+        start=scene.start,
+    )  # fmt: skip
+    boxes = {key: scene.aabb(key) for key in targets}
+    return EpisodeRecord(
+        spec=spec, start=scene.start, agent="oracle", verifier="geometry", versions={"humanclaw": "0"},
+        weights={"base": "abc"}, scene_digest=scene.digest,
+        targets={key: (tuple(low), tuple(high)) for key, (low, high) in boxes.items()}, skills=INFOS,
+        created="2026-01-01T00:00:00+00:00", settings=settings,
+        ground=tuple(o.id for o in scene.objects if o.category in GROUND),
+    )  # fmt: skip
+
+
+def _step(
+    record: EpisodeRecord, number: int, decision: Decision, walker: Walker, before: Motion, frame: str
+) -> StepRecord:
+    """Return the record of a step. The verifier replaces the call of step 3."""
+    call, after, passed = decision.calls[0], walker.state().body, number != 3
+    nearest, (low, high) = next(iter(record.targets.items()))
+    return StepRecord(
+        step=number, status="stopped" if call.skill == "stop" else "executed", attempts=(Attempt(decision),),
+        verdict=Verdict(accepted=passed,
+                        replacement=None if passed else Call(skill="walk", params={"z_cm": 60}),
+                        answers=(Answer(check="clear", passed=passed, note="too far"),)),
+        call=Call(skill=call.skill, params=dict(call.params) if passed else {"z_cm": 60}),
+        motion_frames=15,
+        frame_file=frame,
+        start=tuple(before.root[-1]), end=tuple(after.root[-1]),
+        yaw_start=float(before.yaw()[-1]), yaw_end=float(after.yaw()[-1]),
+        target_pixels={nearest: 3000 if "A couch" in decision.visible_state else 0},
+        target_distance=float(distance_to_box(after.joints()[-1], np.array(low), np.array(high)).min()),
+        pelvis_contacts=(nearest,) if walker.sat else (),
+        contacts=(foot(record.ground[0], walker.ground), *([foot(nearest, 0.3)] if number > 17 else [])),
+        seconds={"observe": 0.08, "decide": 0.01, "verify": 0.02, "generate": 0.09, "simulate": 0.12},
+    )  # fmt: skip
 
 
 def broken_off(folder: Path, **changes: Any) -> None:
