@@ -399,10 +399,11 @@ def test_a_distribution_without_metadata_takes_no_other_down(site, reader):
     ("file", "content"),
     [
         ("entry_points.txt", "[humanclaw]\nhc_odd = hc_odd\n".encode("utf-16")),
+        ("entry_points.txt", "[humanclaw]\nhc_odd = hc_odd\n".encode("utf-8-sig")),
         ("entry_points.txt", b"[console_scripts]\nno equals sign\n"),
         ("METADATA", "Metadata-Version: 2.1\nName: acme-odd\nVersion: 1.0\nAuthor: Jäger\n".encode("latin-1")),
     ],
-    ids=["entry points in UTF-16", "malformed entry points", "metadata in Latin-1"],
+    ids=["entry points in UTF-16", "entry points after a mark", "malformed entry points", "metadata in Latin-1"],
 )
 def test_a_distribution_with_unreadable_metadata_is_named(site, file, content, caplog):
     write_distribution(site, "acme-odd", "hc_odd", "")

@@ -540,7 +540,10 @@ def installed() -> list[tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint
     plugins: dict[str, tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint]]] = {}
     for dist in importlib.metadata.distributions():
         try:
-            if not (points := tuple(dist.entry_points.select(group=hookspecs.PROJECT))):
+            every = dist.entry_points  # Read once: each access reads and parses the file anew.
+            if not every and (dist.read_text("entry_points.txt") or "").startswith("\ufeff"):
+                raise ValueError("entry_points.txt begins with a byte-order mark: save it as plain UTF-8")
+            if not (points := tuple(every.select(group=hookspecs.PROJECT))):
                 continue
             info = _info(dist)
         except Exception as error:

@@ -558,7 +558,9 @@ class Run:
         try:
             content = torch.load(path, weights_only=True, map_location=self.session.device)
             before, module, mean, optimiser, step, seconds = (content[name] for name in _STATE)
-        except (OSError, EOFError, RuntimeError, KeyError, TypeError, pickle.UnpicklingError) as error:
+            if not all(weights.isfinite().all() for part in (module, mean) for weights in part.values()):
+                raise ValueError("weights that are not finite")
+        except (OSError, EOFError, RuntimeError, KeyError, TypeError, ValueError, pickle.UnpicklingError) as error:
             raise HumanclawError(
                 f"Expected the state of a run in {path}; the file is incomplete or has other content.",
                 f"Remove it to begin the run again, or give another --out. ({type(error).__name__})",

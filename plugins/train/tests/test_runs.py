@@ -105,6 +105,15 @@ def test_a_run_with_fewer_steps_than_are_done_is_refused(chunks, tmp_path, capsy
     assert "Expected the state of a run" in capsys.readouterr().err
 
 
+def test_a_state_whose_weights_are_no_numbers_is_refused(chunks, tmp_path, capsys):
+    _base(chunks, tmp_path)
+    content = torch.load(tmp_path / "state.pt")
+    next(iter(content["module"].values())).fill_(torch.nan)
+    torch.save(content, tmp_path / "state.pt")
+    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX]) == 2
+    assert "Expected the state of a run" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99, 1.0])
 def test_an_incomplete_state_is_refused_with_the_remedy(chunks, tmp_path, capsys, share):
     _base(chunks, tmp_path)
