@@ -47,7 +47,9 @@ def test_a_file_is_played_with_its_parameters_and_reported(play, tmp_path):
     done = play("nod.py", "times=2", "degrees=-15", "--calls", "2")
     assert done.exit_code == 0, done.output
     assert [str(one.call) for one in steps(tmp_path, "nod")] == ["nod(times=2, degrees=-15)"] * 2
-    assert (tmp_path / "run/report.html").is_file()
+    page = (tmp_path / "run/report.html").read_text()
+    assert '"camera": [0.52' in page, "the replay shows the face, as the film does"
+    assert "The walked path" not in page, "an empty floor has no map"
     assert "Executed nod(times=2, degrees=-15)." in done.output
 
 

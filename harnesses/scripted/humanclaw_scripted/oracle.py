@@ -171,7 +171,7 @@ class OracleAgent(Walker):
             return f"I have reached the {self._noun}."
         if not self._memory.way:
             return "I am looking for a way."
-        return f"I am on the way, {remaining(self._memory.way, pose):.1f} m from the place to stand."
+        return f"I am on the way, with {remaining(self._memory.way, pose):.1f} m left to walk."
 
     def _look(self, state: WorldState) -> str:
         """Describe the room, and the nearest target in view."""

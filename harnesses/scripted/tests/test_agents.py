@@ -209,7 +209,7 @@ def test_the_oracle_says_that_it_is_on_the_stairs() -> None:
     log = play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True))
     told = [decision.reasoning for decision, call in log if call.skill == "climb_upstairs"]
     assert told[0] == f"I take step 1 of {STEPS} up the stairs."
-    left = [float(found[1]) for decision, _ in log if (found := re.search(r"([0-9.]+) m from", decision.progress))]
+    left = [float(found[1]) for decision, _ in log if (found := re.search(r"([0-9.]+) m left", decision.progress))]
     assert left[0] > 9.0
     assert max(np.diff(left)) < 0.5
 

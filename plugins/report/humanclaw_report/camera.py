@@ -45,12 +45,12 @@ def framed(motion: Motion) -> tuple[Array, Array]:
     centres = smoothed((low + high) / 2, 6.0)
     wide, tall, deep = np.maximum(high - centres, centres - low).max(0)
     distance = (max(tall + _MARGIN, _NEAREST) / np.tan(np.radians(FOV) / 2)) + np.hypot(wide, deep)
-    yaw = motion.yaw()[0] + _side(motion)
+    yaw = motion.yaw()[0] + side(motion)
     way = np.array([np.cos(LOW) * np.sin(yaw), np.sin(LOW), np.cos(LOW) * np.cos(yaw)])
     return centres + distance * way, centres
 
 
-def _side(motion: Motion) -> float:
+def side(motion: Motion) -> float:
     """Return the side that shows the way of a body: across it, as far as its face can be seen."""
     yaw, (x, _, z) = motion.yaw()[0], motion.root[-1] - motion.root[0]
     ahead, left = x * np.sin(yaw) + z * np.cos(yaw), x * np.cos(yaw) - z * np.sin(yaw)

@@ -93,7 +93,7 @@ def episode_page(
         shared: None for a self-contained page.
         cause: Why the episode failed, as a benchmark told, and the step that decided it; empty if it did not.
     """
-    met, moving = milestones(recorded), replay(recorded, drawn.names, drawn.floors)
+    met, moving = milestones(recorded), replay(recorded, drawn.names, drawn.floors, drawn.open_floor)
     steps = _steps(recorded, drawn.names, page, inside=shared is None)
     return (
         environment()
@@ -106,6 +106,7 @@ def episode_page(
             usage=sum((step.usage for step in recorded.steps), Usage()),
             steps=steps,
             storeys=path_maps(recorded, drawn.maps, drawn.note),
+            empty=drawn.open_floor and not (recorded.record.targets or any(storey.objects for storey in drawn.maps)),
             marks=marks(recorded, drawn.names, *cause),
             chart=_chart(recorded),
             filmed=_film(recorded.files, page),

@@ -43,15 +43,20 @@ def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
     stopped = Milestone("stopped", recorded.record.outcome == "stopped", f"after {counted(len(steps), 'step')}")
     if not spec.target_ids:
         return (stopped,)
-    seen = [s.step for s in steps if in_view(s)]
+    seen = next((s for s in steps if in_view(s)), None)
     last = end_distance(recorded)
-    in_view_at = Milestone("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
+    in_view_at = Milestone("in view", bool(seen), _first_seen(seen) if seen else "never")
     near = Milestone(
         "reached", reached(recorded), f"{last:.2f} m at the end" if np.isfinite(last) else "no distance recorded"
     )
     if not spec.interact:
         return in_view_at, near, stopped
     return in_view_at, near, _sat(recorded), stopped
+
+
+def _first_seen(step: StepRecord) -> str:
+    """Say when a target came into view, and how much of it: few pixels may be more than an agent notices."""
+    return f"first at step {step.step}, {sum(step.target_pixels.values())} px"
 
 
 def _sat(recorded: RecordedEpisode) -> Milestone:

@@ -28,10 +28,13 @@ from humanclaw.body import (
 )
 from humanclaw.storage import jpeg
 from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh
+from humanclaw_report.camera import BEHIND, LOW, side
 from humanclaw_report.episode_summary import name_of, named, shown_contacts
 
 EVERY: Final = 2
 """Frames of motion for each frame of the replay; the page interpolates between frames."""
+ABOVE: Final = 0.55
+"""Height of the camera over the body in a house, radians."""
 MILLIMETRES: Final = 1000.0
 MOST_FACES: Final = 12_000
 """The page shows the collision hulls of an asset that has more triangles than this."""
@@ -79,8 +82,13 @@ def person() -> dict[str, Any]:
     return packed(arrays)
 
 
-def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float]) -> dict[str, Any] | None:
-    """Return the motion of the body, of other people and of objects as JSON; None if the record holds no motion."""
+def replay(
+    recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float], open_floor: bool = False
+) -> dict[str, Any] | None:
+    """Return the motion of the body, of other people and of objects as JSON; None if the record holds no motion.
+
+    open_floor: nothing stands around, so the camera shows what moves, as the film does.
+    """
     if not recorded.has_motion:
         return None
     simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
@@ -94,6 +102,7 @@ def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence
     return {
         "fps": FPS / EVERY,
         "frames": len(kept),
+        "camera": [side(simulated), LOW] if open_floor else [BEHIND, ABOVE],
         "body": skeleton(recorded.record.gaze),
         "contacts": _contacts(recorded, names),
         "floors": list(floors) or [recorded.record.start.floor],

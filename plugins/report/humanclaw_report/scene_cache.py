@@ -34,6 +34,11 @@ class Drawn:
     note: str = ""
     """Why the house is not drawn; empty if it is."""
 
+    @property
+    def open_floor(self) -> bool:
+        """Whether the scene is drawn and has no rooms."""
+        return bool(self.digest) and not any(storey.rooms for storey in self.maps)
+
     @classmethod
     def of(cls, scene: Scene) -> Drawn:
         script = f"{SCRIPT}{as_json(house(scene))};"

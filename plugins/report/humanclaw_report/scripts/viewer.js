@@ -7,7 +7,7 @@
 /** @typedef {{vertices: [number, number], faces: [number, number], picture: number}} AssetData */
 /** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
 /** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
-/** @typedef {{fps: number, frames: number, body: BodyData, contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
+/** @typedef {{fps: number, frames: number, camera: [number, number], body: BodyData, contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
 /** @typedef {"follow" | "free" | "above" | "ego"} View */
 
 /** @typedef {Uint8Array | Int16Array | Uint16Array | Uint32Array | Float32Array} Values */
@@ -93,7 +93,8 @@ class Stage {
     /** @type {View} */
     this.view = "follow";
     this.time = 0;
-    this.around = { azimuth: 2.6, elevation: 0.55, distance: 3.6 };
+    const [azimuth, elevation] = replay.camera;
+    this.around = { azimuth, elevation, distance: 3.6 };
     this.centre = new THREE.Vector3();
     this.marks = true;
     this.cut = true;
