@@ -73,8 +73,9 @@ def _on_the_map(start: Pose2D) -> Pose2D:
 class Partner(Record):
     """A scripted person in the same scene, and what is to be done together."""
 
-    task: Literal["meet", "follow"]
-    """meet: find the partner, who stands. follow: stay near the partner, who walks a way."""
+    task: Literal["meet", "follow", "give"]
+    """meet: find the partner, who stands. follow: stay near the partner, who walks a way. give: bring the partner, who
+    asks for it, the thing of the goal."""
     start: Annotated[Pose2D, AfterValidator(_on_the_map)]
     way: tuple[tuple[float, float], ...] = ()
     """Corners (x, z) of the way that the partner walks, metres, on the floor of its start."""

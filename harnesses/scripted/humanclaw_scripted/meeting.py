@@ -1,23 +1,37 @@
-"""The oracle in company: it walks up to another person, or follows one who walks."""
+"""The oracle in company: it walks up to another person, follows one who walks, or brings one a thing."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from humanclaw import Call
-from humanclaw.body import STANDING_HEIGHT, Array
-from humanclaw.world import Viewpoint, WorldState, person_id
+from humanclaw import Call, Decision, HistoryEntry, Observation
+from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Array
+from humanclaw.skills import Side
+from humanclaw.world import Viewpoint, WorldState, distance_to_nearest, person_id
 from humanclaw_scripted.actions import MAX_STEP, TURN_FIRST
-from humanclaw_scripted.ground_truth import BodyView
+from humanclaw_scripted.arms import Script
+from humanclaw_scripted.ground_truth import BodyView, box
 from humanclaw_scripted.opening import HandyOracle
 
 _MET: Final = 0.85
 """Metres from pelvis to pelvis at which the oracle stops, below the benchmark's 1 m."""
 _FACING: Final = float(np.radians(20))
-_RINGS: Final = {"meet": (0.7, 0.8), "follow": (0.4, 0.6)}
+_RINGS: Final = {"meet": (0.7, 0.8), "follow": (0.4, 0.6), "give": (0.9, 1.0)}
 """Metres from the other person to places to stand, by task."""
+_GOALS: Final = {
+    "meet": "To the other person.", "follow": "Behind the other person.", "give": "To bring the other person a thing."
+}  # fmt: skip
+_GIVING: Final = (0.8, 1.0)
+"""Metres from pelvis to pelvis of one who holds something out."""
+_OUT: Final = (0.1, 1.05, 0.5)
+"""Aside, over the floor, and ahead of the hips: where the hand is then, metres."""
+_PATIENCE: Final = 12
+"""Half seconds to hold it out."""
+_AT_PALM: Final = 0.1
+"""Metres from its knuckles of what a hand holds."""
 _BEHIND: Final = 1.05
 """Metres behind a person who walks, within which the oracle waits for the next step."""
 _CLOSEST: Final = 0.85
@@ -31,9 +45,13 @@ _ENDED: Final = 0.3
 class SociableOracle(HandyOracle):
     """The oracle, with another person where the episode has a partner."""
 
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        self._heard = observation.feedback.heard
+        return super().decide(observation, history)
+
     def _act(self, state: WorldState, pose: BodyView) -> tuple[Call, str]:
         partner = self._spec.partner
-        if partner is None:
+        if partner is None or self._spec.goal is not None:
             return super()._act(state, pose)
         there = self._other(state)
         far, bearing = float(np.linalg.norm(there - pose.root)), float(np.arctan2(*pose.on_floor(there[[0, 2]])))
@@ -42,6 +60,38 @@ class SociableOracle(HandyOracle):
         if far > _MET or not self._sees(pose, there):
             return self._go(state, pose)
         return self._turn_to(bearing) or (Call(self._stop), "I stand before the other person: we have met.")
+
+    def _play(self) -> Script:
+        if self._spec.partner is None:
+            yield from super()._play()
+        (thing,) = self._spec.target_ids
+        self._noun = self._scene.by_id[thing].category.replace("_", " ")
+        yield from self._bring(
+            thing, "other person", self._around_other, lambda side: self._give(thing, side), lambda: self._given(thing)
+        )
+        while True:
+            yield Call(self._stop), "The other person has it: the task is complete."
+
+    def _give(self, thing: int, side: Side) -> Script:
+        """Hold a thing out until the other person says something, and let go; from elsewhere if that takes long."""
+        out = 1.0 if side == "left" else -1.0
+        while self._in_hand(thing):
+            yield from self._face(lambda: self._other(self._state()), lambda: 0.0, _GIVING)
+            for _ in range(_PATIENCE):
+                yield self._to(side, np.array([_OUT[0] * out, *_OUT[1:]]), "I hold it out to the other person.")
+                if self._heard or not self._in_hand(thing):
+                    yield self._let_go(side)
+                    yield self._back(0.2), "I step back."
+                    return
+            self._give_up_stand(0.3)
+            yield from self._walk_to(self._around_other, lambda: self._in_hand(thing))
+
+    def _given(self, thing: int) -> bool:
+        """Tell whether a thing is in the hand of the other person, as far as one sees."""
+        joints = self._state().people[person_id(1)][-1:].joints()[0]
+        hands = joints[[JOINT_INDEX["left_hand"], JOINT_INDEX["right_hand"]]]
+        corners = box(self._scene, self._state(), thing)
+        return not self._in_hand(thing) and distance_to_nearest(hands, [corners]) < _AT_PALM
 
     def _accompany(self, state: WorldState, pose: BodyView, far: float, bearing: float) -> tuple[Call, str]:
         """Take one step after a person who walks, the shortest way to where the person is now."""
@@ -74,8 +124,11 @@ class SociableOracle(HandyOracle):
         return np.asarray(state.people[person_id(1)].root[-1])
 
     def _stands(self) -> list[Viewpoint]:
-        if self._spec.partner is None:
-            return super()._stands()
+        return super()._stands() if self._spec.partner is None or self._spec.goal else self._around_other()
+
+    def _around_other(self) -> list[Viewpoint]:
+        """Return places to stand around the other person, at the distance of the task."""
+        assert self._spec.partner is not None
         there = self._other(self._state())
         floor = self._memory.floors.grids[int(self._memory.floors.level(there))]
         places = []
@@ -89,7 +142,7 @@ class SociableOracle(HandyOracle):
         return places
 
     def _at_stand(self, pose: BodyView) -> tuple[Call, str]:
-        if self._spec.partner is None:
+        if self._spec.partner is None or self._spec.goal is not None:
             return super()._at_stand(pose)
         stand = self._memory.stand
         assert stand is not None
@@ -104,4 +157,4 @@ class SociableOracle(HandyOracle):
     def _goal(self) -> str:
         if self._spec.partner is None:
             return super()._goal()
-        return "To the other person." if self._spec.partner.task == "meet" else "Behind the other person."
+        return _GOALS[self._spec.partner.task]

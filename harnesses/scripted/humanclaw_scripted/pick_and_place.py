@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
 from typing import Final
@@ -13,7 +14,7 @@ from humanclaw.body import STANDING_HEIGHT, Array
 from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, viewpoints
 from humanclaw_scripted.actions import SIT, asking
-from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script
+from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script, Stands
 from humanclaw_scripted.ground_truth import BodyView, box
 from humanclaw_scripted.handles import free_sides, places_around, spot_on
 
@@ -55,9 +56,18 @@ _HOVER: Final = 0.14
 
 
 class PickAndPlaceOracle(ArmedOracle):
-    """Carries a thing to a piece of furniture."""
+    """Carries a thing to a piece of furniture, or elsewhere."""
 
     def _carry(self, thing: int, place: int) -> Script:
+        return self._bring(
+            thing, self._scene.by_id[place].category.replace("_", " "), lambda: self._near(place),
+            lambda side: self._put(thing, place, side), lambda: self._lies(thing, place),
+        )  # fmt: skip
+
+    def _bring(
+        self, thing: int, there: str, stands: Stands, hand_over: Callable[[Side], Script], done: Callable[[], bool]
+    ) -> Script:
+        """Take a thing, and walk with it to a place to stand, until what is done there has worked."""
         for attempt in count():
             self._bound_for = self._noun
             yield from self._walk_to(lambda: self._around(thing))
@@ -68,11 +78,11 @@ class PickAndPlaceOracle(ArmedOracle):
                 continue
             yield from self._lift(thing, side)
             self._memory.given_up = set()
-            self._bound_for = self._scene.by_id[place].category.replace("_", " ")
-            yield from self._walk_to(lambda: self._near(place), lambda: self._in_hand(thing))
+            self._bound_for = there
+            yield from self._walk_to(stands, lambda: self._in_hand(thing))
             if self._in_hand(thing):
-                yield from self._put(thing, place, side)
-            if self._lies(thing, place):
+                yield from hand_over(side)
+            if done():
                 return
             self._memory.given_up = set()
 

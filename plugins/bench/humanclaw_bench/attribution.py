@@ -309,10 +309,10 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
         return None
     if _called_nothing(recorded.steps):
         return NO_CALL
-    if recorded.record.spec.goal is not None:
-        return cause_of(recorded, stage)
     if recorded.record.spec.partner is not None:
         return first_cause(two.CAUSES, stage, two.Together.of(recorded))
+    if recorded.record.spec.goal is not None:
+        return cause_of(recorded, stage)
     return first_cause(CAUSES, stage, EpisodeFeatures.of(recorded))
 
 

@@ -9,7 +9,8 @@ from typing import Generic, Literal, TypeVar
 from humanclaw import RecordedEpisode
 
 Stage = Literal[
-    "call", "find", "nav", "interact", "reach", "hold", "place", "open", "answer", "meet", "keep", "end", "task",
+    "call", "find", "nav", "interact", "reach", "hold", "place", "open", "answer", "meet", "keep", "end", "give",
+    "task",
 ]  # fmt: skip
 F = TypeVar("F")
 """The facts of an episode that rules use."""

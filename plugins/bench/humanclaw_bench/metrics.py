@@ -183,6 +183,8 @@ TWO: Final = (
     _stage("MeetSR", "meet", "stopped within 1 m of the partner, who was in view within 45 degrees"),
     _stage("KeepSR", "keep", "stayed within 2 m of the walking partner, without a touch"),
     _stage("EndSR", "end", "and stopped once the partner had arrived"),
+    _stage("HoldSR", "hold", "held what the partner asked for"),
+    _stage("GiveSR", "give", "and gave it into the partner's hand"),
     SOLVED,
     _mean("motion (s)", lambda s: s.motion, better=""),
     _mean("apart (m)", lambda s: s.apart, 2, better="", meaning="mean distance to the partner"),

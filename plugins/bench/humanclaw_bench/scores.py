@@ -279,13 +279,14 @@ def _task(recorded: RecordedEpisode) -> dict[str, Any]:
     """Return the scores of a task for hands or with a partner; none of other tasks."""
     goal, scores = recorded.record.spec.goal, dict[str, Any]()
     if goal is not None:
-        scores |= {"done": is_met(goal, recorded.steps), "hands": stages_of(recorded)}
         scores |= {"dropped": HandFacts(recorded).dropped}
     if recorded.record.spec.partner is not None:
         two = Together.of(recorded)
-        scores |= {"done": all(two.stages.values()), "hands": two.stages}
-        scores |= {"apart": two.mean_distance, "words": two.words}
-    return scores
+        stages = two.stages
+        return scores | {
+            "done": all(stages.values()), "hands": stages, "apart": two.mean_distance, "words": two.words
+        }  # fmt: skip
+    return scores | ({"done": is_met(goal, recorded.steps), "hands": stages_of(recorded)} if goal is not None else {})
 
 
 def _motion_scores(recorded: RecordedEpisode) -> dict[str, Any]:

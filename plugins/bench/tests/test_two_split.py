@@ -1,6 +1,8 @@
 """The split with a partner: how it is drawn, what counts as met and followed, and how it is played and recorded."""
 
 from collections import Counter
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,27 +10,33 @@ import pytest
 from click.testing import CliRunner
 from pydantic import ValidationError
 
-from humanclaw import Call, EpisodeSpec, Plugins, RecordedEpisode, StepRecord, load_run
+import humanclaw_skill_crouch
+import humanclaw_skill_hands
+import humanclaw_skill_say
+from humanclaw import Call, Company, EpisodeSpec, Plugins, RecordedEpisode, StepRecord, load_run
 from humanclaw.body import FPS, HISTORY, Motion, Pose2D, rest_pose
-from humanclaw.records import Partner, write_episodes
-from humanclaw.world import Contact, MultiFloorMap
+from humanclaw.records import Goal, Partner, write_episodes
+from humanclaw.storage import Folder
+from humanclaw.world import Contact, Heard, MultiFloorMap, SceneBuilder
 from humanclaw_bench.cli import bench
 from humanclaw_bench.failure_modes import first_cause
 from humanclaw_bench.replay import replay
 from humanclaw_bench.splits import HOUSES, load_split
 from humanclaw_bench.two.generate import EACH, episodes
+from humanclaw_bench.two.partners import Ending, accompany
 from humanclaw_bench.two.scores import CAUSES, Together, first_failed
 
 MEET = Partner(task="meet", start=Pose2D(0.0, 0.0))
+GIVE = Partner(task="give", start=Pose2D(0.0, 0.0))
 FOLLOW = Partner(task="follow", start=Pose2D(0.0, 1.0), way=((0.0, 4.0),))
 
 
 # -- the split ---------------------------------------------------------------------------------------------------------
-def test_half_of_the_split_is_to_meet_and_half_to_follow():
+def test_a_third_of_the_split_is_to_meet_to_follow_and_to_give():
     split = load_split("two")
-    assert Counter(spec.partner.task for spec in split) == {"meet": EACH, "follow": EACH}
+    assert Counter(spec.partner.task for spec in split) == EACH
     assert {spec.scene for spec in split} <= set(HOUSES)
-    assert len({spec.id for spec in split}) == 2 * EACH
+    assert len({spec.id for spec in split}) == 100
 
 
 @pytest.mark.integration
@@ -44,7 +52,7 @@ def test_a_house_gives_the_episodes_again_that_the_split_holds():
             assert np.isfinite(floors.distances(np.array([[place.x, place.floor, place.z]]))).any()
 
 
-@pytest.mark.parametrize(("task", "way"), [("meet", ((0.0, 1.0),)), ("follow", ())])
+@pytest.mark.parametrize(("task", "way"), [("meet", ((0.0, 1.0),)), ("give", ((0.0, 1.0),)), ("follow", ())])
 def test_only_who_is_followed_walks(task, way):
     with pytest.raises(ValidationError, match="walks a way to be followed"):
         Partner(task=task, start=Pose2D(0.0, 0.0), way=way)
@@ -75,14 +83,14 @@ class Told(SimpleNamespace):
     __hash__ = object.__hash__
 
 
-def together(partner, own, other, outcome="stopped", seen=(9000,), contacts=()):
+def together(partner, own, other, outcome="stopped", seen=(9000,), contacts=(), **task):
     """An episode of a step for each number of seen pixels; all of its motion is in the first."""
-    spec = EpisodeSpec(id="one", instruction="do it", scene="s", partner=partner)
+    spec = EpisodeSpec(id="one", instruction="do it", scene="s", partner=partner, **task)
     steps = [StepRecord(step=k, status="executed", attempts=(), target_pixels={-3: pixels}, contacts=contacts)
              for k, pixels in enumerate(seen)]  # fmt: skip
     record = Told(spec=spec, outcome=outcome, skills={})
     recorded = Told(record=record, steps=steps, spans=((HISTORY, HISTORY + len(own)),), has_motion=True,
-                    motion=lambda: walked(*own))  # fmt: skip
+                    motion=lambda kind="simulated": walked(*own))  # fmt: skip
     return Together(recorded, walked(*other))
 
 
@@ -131,6 +139,35 @@ def test_who_follows_stays_within_two_metres_to_the_end(own, outcome, contacts, 
     assert verdict(together(FOLLOW, own, WAY, outcome, contacts=contacts)) == label
 
 
+def passing(at, **told):
+    """A step that ends at a place (x, z), beside a thing of 10 cm at the origin."""
+    told = {"status": "executed", "target_pixels": {7: 900}, "end": (at[0], 0.9, at[1]), "heard": (WISH,)} | told
+    return StepRecord(step=0, attempts=(), targets={7: ((-0.05, 0.8, -0.05), (0.05, 0.9, 0.05))}, **told)
+
+
+WISH, HELD, OPEN = Heard("Please bring me the cup.", (0.0, 0.0, 1.0)), {"held": {"left": 7}}, Call("release")
+
+
+@pytest.mark.parametrize(
+    ("steps", "outcome", "taken", "label"),
+    [
+        ([passing((0, 0.5), **HELD), passing((0, 2), call=OPEN)], "stopped", {7}, "success"),
+        ([passing((0, 0.5), **HELD), passing((0, 2), call=OPEN)], "out_of_steps", {7}, "give: never stopped"),
+        ([passing((0, 0.5), **HELD), passing((0, 2))], "stopped", (), "give: dropped"),
+        ([passing((0, 0.5), **HELD), passing((0, 2), call=OPEN)], "stopped", (), "give: let go untaken"),
+        ([passing((0, 0.5), **HELD), passing((0, 2), **HELD)], "stopped", {7}, "give: not held out"),
+        ([passing((0, 0.5))], "stopped", (), "reach: never reached out"),
+        ([passing((0, 2))], "stopped", (), "nav: stop while far"),
+        ([passing((0, 2), target_pixels={7: 0})], "stopped", (), "nav: never saw the thing"),
+        ([passing((0, 2), heard=())], "stopped", (), "nav: never heard the wish"),
+    ],
+)
+def test_a_thing_is_given_once_the_other_alone_holds_it(steps, outcome, taken, label):
+    facts = together(GIVE, [(0.0, -1.0)], [(0.0, 0.0)], outcome, goal=Goal(things=(7,)), target_ids=(7,))
+    facts.recorded.steps, facts.recorded.record.skills = steps, {"release": SimpleNamespace(role="release")}
+    assert verdict(Together(facts.recorded, facts.other, frozenset(taken))) == label
+
+
 def test_the_mean_distance_is_that_of_all_frames():
     """Seven frames a metre apart, and one at three metres, while the other stands where its record ends."""
     facts = together(MEET, [(0.0, -1.0), (0.0, -1.0), (0.0, -3.0)], [(0.0, 0.0)])
@@ -154,20 +191,45 @@ def test_an_episode_that_broke_off_without_motion_is_scored():
 
 
 # -- played ------------------------------------------------------------------------------------------------------------
+HANDS = [Path(module.__file__) for module in (humanclaw_skill_crouch, humanclaw_skill_hands, humanclaw_skill_say)]
+
+
 @pytest.mark.integration
-@pytest.mark.parametrize("task", ["meet", "follow"])
+def test_who_asks_for_a_thing_says_where_it_is_when_spoken_to(tmp_path):
+    builder = SceneBuilder.on_floor()
+    builder.box("shelf", (0.5, 0.8, 0.5), (0, 0, 3))
+    cup = builder.box("cup", (0.07, 0.1, 0.07), (0, 0.8, 2.9), movable=True, mass=0.3)
+    scene, partner = builder.scene(), GIVE.model_copy(update={"start": Pose2D(3.0, 0.0)})
+    spec = EpisodeSpec(id="one", instruction="do it", scene=scene.name, target_ids=(cup,), partner=partner)
+    ending, heard = Ending(), []
+
+    def asks(body):
+        with ending:
+            for call in ({}, {"text": "Where?"}, {}, {}):
+                body.call("say" if call else "turn_in_place", **(call or {"yaw_deg": 0}))
+                heard.extend(told.text for told in body.last.feedback.heard)
+
+    with Company(scene, [Pose2D(0.0, 0.0), partner.start], plugins=Plugins.discover(HANDS)) as company:
+        company.play([asks, partial(accompany, spec, Folder(tmp_path), ending)])
+    wish, answer = "Please bring me the cup.", "I want the cup. It is in this house, 80 cm above the floor."
+    assert heard == [wish, answer]
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("task", ["meet", "follow", "give"])
 def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, task):
     spec = next(spec for spec in load_split("two") if spec.partner.task == task)
     write_episodes(tmp_path / "one.jsonl", [spec])
     run = tmp_path / "run"
-    told = CliRunner().invoke(bench, ["run", "--split", str(tmp_path / "one.jsonl"), "--agent", "oracle", "--out",
-                                      str(run)], catch_exceptions=False)  # fmt: skip
+    files = HANDS if task == "give" else []
+    asked = ["--split", str(tmp_path / "one.jsonl"), "--out", str(run), *(f"--plugin={file}" for file in files)]
+    told = CliRunner().invoke(bench, ["run", "--agent", "oracle", *asked], catch_exceptions=False)
     assert told.exit_code == 0, told.output
     (episode,) = load_run(run)  # The partner's record is not an episode of the run.
     partner = RecordedEpisode(episode.folder / "partner")
     assert verdict(Together.of(episode)) == "success"
     assert len(partner.motion()) == len(episode.motion()) + FPS // 2
-    assert replay(episode).same()
+    assert replay(episode, files).same()
     shown = CliRunner().invoke(bench, ["table", str(run), "--format", "markdown"], catch_exceptions=False).output
     assert "MeetSR" in shown
     assert CliRunner().invoke(bench, ["verify", str(run)]).exit_code == 0

@@ -1,8 +1,8 @@
-"""The split `two`, drawn from seeds in the houses of val: half of it to meet a partner, half to follow one."""
+"""The split `two`, drawn from seeds in the houses of val: to meet a partner, to follow one, to bring one a thing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice, pairwise
 from typing import Final
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from humanclaw import EpisodeSpec, Scene
 from humanclaw.body import Array, Pose2D
-from humanclaw.records import Partner, name_of
+from humanclaw.records import Goal, Partner, name_of
 from humanclaw.world import DistanceField, MultiFloorMap
-from humanclaw_bench.splits import roomy
+from humanclaw_bench.hands.generate import House, tasks
+from humanclaw_bench.splits import NEAREST, roomy
 
-EACH: Final = 50
+EACH: Final[Mapping[str, int]] = {"meet": 34, "follow": 33, "give": 33}
 """Episodes of each task."""
 _FAR: Final = (3.0, 15.0)
 """Metres on foot to a partner who is to be met."""
@@ -25,6 +26,12 @@ _AHEAD: Final = 1.3
 """Metres along the way from who follows to who is followed, at the start."""
 _CLEAR: Final = 0.3
 """Metres that a way keeps from everything: two bodies come through."""
+_CALL: Final = (2.0, 7.0)
+"""Metres on foot to a partner who asks for something: within hearing."""
+_CARRY: Final = (2.0, 10.0)
+"""Metres on foot from a thing to who asks for it."""
+_STEPS: Final = 200
+"""Decisions at most in a task of two ways."""
 _TRIES: Final = 200
 _EACH_HOUSE: Final = 2
 """Candidates of each task in a house."""
@@ -32,6 +39,8 @@ _WORDS: Final = {
     "meet": "find the other person in this house, walk up to them, and stop within 1 m of them, facing them.",
     "follow": "follow the person ahead of you: stay within 2 m of them, do not touch them, and stop once they have "
     "come to the end of their way.",
+    "give": "the other person in this house asks for something. Bring it to them, hold it out half a metre in front of "
+    "them until they have taken it, let go, and stop.",
 }
 
 
@@ -45,6 +54,12 @@ def episodes(scene: Scene, number: int, seed: int = 0) -> Iterator[EpisodeSpec]:
                 id=partner.task, instruction=_WORDS[partner.task], scene=scene.name, scene_digest=scene.digest,
                 start=start, partner=partner,
             )  # fmt: skip
+    for thing, start, there in islice(_errands(House(scene), rng), _EACH_HOUSE):
+        yield EpisodeSpec(
+            id="give", instruction=_WORDS["give"], scene=scene.name, scene_digest=scene.digest, start=start,
+            target_ids=(thing,), goal=Goal(things=(thing,)), partner=Partner(task="give", start=there),
+            max_steps=_STEPS,
+        )  # fmt: skip
 
 
 def _somewhere(floors: MultiFloorMap, allowed: NDArray[np.bool_], rng: np.random.Generator) -> Array | None:
@@ -96,6 +111,22 @@ def _walk(floors: MultiFloorMap, rng: np.random.Generator) -> tuple[Pose2D, Part
     return _facing(here, yaw), Partner(task="follow", start=_facing(np.array([x, here[1], z]), yaw), way=way)
 
 
+def _errands(house: House, rng: np.random.Generator) -> Iterator[tuple[int, Pose2D, Pose2D]]:
+    """Yield a thing, a start, and the place of who asks for it."""
+    floors = house.floors
+    room = np.stack([roomy(grid) for grid in floors.grids])
+    things = [task.goal.things[0] for task in tasks(house, rng) if task.goal.on is not None]
+    for thing in things * _EACH_HOUSE:
+        from_thing = DistanceField.of(floors, house.near(thing)).metres
+        there = _somewhere(floors, room & (from_thing >= _CARRY[0]) & (from_thing <= _CARRY[1]), rng)
+        if there is None:
+            continue
+        metres = DistanceField.of(floors, there[None]).metres
+        here = _somewhere(floors, room & (metres >= _CALL[0]) & (metres <= _CALL[1]) & (from_thing > NEAREST), rng)
+        if here is not None:
+            yield thing, _facing(here, rng.uniform(-np.pi, np.pi)), _facing(there, rng.uniform(-np.pi, np.pi))
+
+
 def _facing(place: Array, yaw: float) -> Pose2D:
     x, floor, z = place.round(3).tolist()
     return Pose2D(x=x, z=z, yaw=round(float(yaw), 3), floor=floor)
@@ -108,9 +139,9 @@ def choose(candidates: Iterable[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
         assert spec.partner is not None
         pools.setdefault((spec.partner.task, spec.scene), []).append(spec)
     taken = []
-    for task in ("meet", "follow"):
+    for task, count in EACH.items():
         of_task = [specs for (name, _), specs in pools.items() if name == task]
-        taken += [specs[k] for k in range(_EACH_HOUSE) for specs in of_task if k < len(specs)][:EACH]
+        taken += [specs[k] for k in range(_EACH_HOUSE) for specs in of_task if k < len(specs)][:count]
     return tuple(
         spec.model_copy(update={"id": f"{name_of(spec.scene)}-{spec.id}-{k}", "seed": k})
         for k, spec in enumerate(taken)

@@ -1,19 +1,31 @@
-"""The scripted partner of an episode: it stands, or walks a way, as long as the episode lasts."""
+"""The scripted partner of an episode: it stands, walks a way, or asks for a thing, as long as the episode lasts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 from threading import Event
 from typing import Any, Final, Self
 
 import numpy as np
 
-from humanclaw import Body, Call, Decision, Episode, EpisodeContext, EpisodeSpec, HistoryEntry, Observation
-from humanclaw.body import Pose2D
-from humanclaw.skills import find_suited
+from humanclaw import (
+    Body,
+    Call,
+    Decision,
+    Episode,
+    EpisodeContext,
+    EpisodeSpec,
+    HistoryEntry,
+    Observation,
+    PluginError,
+)
+from humanclaw.body import Array, Pose2D
+from humanclaw.skills import Side, find_suited
 from humanclaw.storage import Folder
+from humanclaw_bench.hands.generate import House
 
 PARTNER: Final = "partner"
 """Name of the partner, of its episode, and of its folder in that of the episode."""
@@ -24,6 +36,15 @@ ARRIVED: Final = 0.3
 _TURN_FIRST: Final = 0.6
 """Turn above which the partner turns on the spot, radians."""
 _MOST_STEPS: Final = 10_000
+WITHIN: Final = (0.35, 0.7, 1.5, 0.2, 0.65)
+"""Where a thing is held out: at most so far aside, between two heights, and so far ahead of the hips, metres."""
+_NEAR: Final = 2.0
+"""Metres from which one who asks turns to the thing."""
+_AHEAD: Final = math.radians(20)
+_FINGERS: Final = 0.04
+"""Metres from the knuckles to the middle of the fingers."""
+_SIDES: Final[tuple[Side, Side]] = ("right", "left")
+_HAND: Final = ("hand.left", "hand.up", "hand.ahead")
 
 
 @dataclass
@@ -44,7 +65,7 @@ class Ending:
         self._over.set()
 
 
-class Partner:
+class Walker:
     """Walks from corner to corner of a way, and stands at its end."""
 
     name = PARTNER
@@ -55,8 +76,9 @@ class Partner:
         self._way = list(way)
 
     def begin(self, context: EpisodeContext) -> None:
+        assert context.scene is not None
         assert context.state is not None
-        self._context, self._state = context, context.state
+        self._context, self._scene, self._state = context, context.scene, context.state
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         here = Pose2D.of(self._state().body)
@@ -79,13 +101,85 @@ class Partner:
         return Call(skill.name, skill.commanding(amounts))
 
 
+class Asker(Walker):
+    """Asks for a thing, says where it is whenever it is spoken to, turns to it as it is brought, and takes it.
+
+    Once that is held out, it tries again and again to bring a palm to it and to close the hand.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(())
+        self._script = self._play()
+
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        return Decision((self._say(self._answer) if observation.feedback.heard else next(self._script),))
+
+    def _play(self) -> Iterator[Call]:
+        (self._thing,) = self._context.spec.target_ids
+        house = House(self._scene)
+        thing, (low, _) = self._scene.by_id[self._thing], house.height(self._thing)
+        room = next((room.told for room in self._scene.rooms if room.name == thing.room), "this house")
+        name = house.phrase(thing)
+        self._answer = f"I want {name}. It is in {room}, {100 * low:.0f} cm above the floor."
+        yield self._say(f"Please bring me {name}.")
+        for side in cycle(_SIDES):
+            while not self._is_held_out:
+                yield self._asking({"heading.left": self._turn})
+            yield from self._take(side)
+            if self._thing in self._state().held.values():
+                break
+        yield self._say("Thank you.")
+        while True:
+            yield self._asking({"heading.left": 0.0})
+
+    def _say(self, words: str) -> Call:
+        for skill in self._context.skills.values():
+            if skill.role != "stop" and skill.schema.get("required") == ["text"]:
+                return Call(skill.name, {"text": words})
+        raise PluginError("who asks for a thing needs a skill that speaks.", "Install humanclaw-skill-say.")
+
+    def _box(self) -> tuple[Array, Array]:
+        """Return the corners (3,) of the thing's box in the partner's frame."""
+        state = self._state()
+        points = Pose2D.of(state.body).point_to_local(self._scene.vertices(self._thing, state.objects.get(self._thing)))
+        return points.min(0), points.max(0)
+
+    @property
+    def _is_held_out(self) -> bool:
+        left, up, ahead = np.mean(self._box(), axis=0)
+        return bool(abs(left) < WITHIN[0] and WITHIN[1] < up < WITHIN[2] and WITHIN[3] < ahead < WITHIN[4])
+
+    @property
+    def _turn(self) -> float:
+        """How far to turn to the thing, if it is near and not ahead, radians."""
+        left, _, ahead = np.mean(self._box(), axis=0).tolist()
+        bearing = math.atan2(left, ahead)
+        return max(-1.0, min(1.0, bearing)) if math.hypot(left, ahead) < _NEAR and abs(bearing) > _AHEAD else 0.0
+
+    def _take(self, side: Side) -> Iterator[Call]:
+        """Bring a palm beside the thing from outside, and close the hand."""
+        out = 1.0 if side == "left" else -1.0
+        for aside in (0.12, 0.03):
+            low, high = self._box()
+            edge = float(high[0] if out > 0 else low[0])
+            at = (edge + aside * out, float(low[1] + high[1]) / 2, float(low[2] + high[2]) / 2 - _FINGERS)
+            hand = find_suited(self._context.skills.values(), *_HAND, role="gesture")
+            yield Call(hand.name, hand.commanding(dict(zip(_HAND, at, strict=True)), side))
+        skill = find_suited(self._context.skills.values(), role="grasp")
+        yield Call(skill.name, skill.commanding({}, side))
+
+
 def accompany(spec: EpisodeSpec, folder: Folder, ending: Ending, body: Body) -> None:
     """Play the partner of an episode in a body until the ending is met."""
     assert spec.partner is not None
     part = EpisodeSpec(
         id=PARTNER, instruction=f"{spec.partner.task}, as the partner", scene=spec.scene,
-        scene_digest=spec.scene_digest, start=spec.partner.start, max_steps=_MOST_STEPS, seed=spec.seed,
+        scene_digest=spec.scene_digest, start=spec.partner.start, target_ids=spec.target_ids, max_steps=_MOST_STEPS,
+        seed=spec.seed,
     )  # fmt: skip
-    with Episode(body, part, Partner(spec.partner.way), folder=folder) as episode:
+    agent = Asker() if spec.partner.task == "give" else Walker(spec.partner.way)
+    with Episode(body, part, agent, folder=folder) as episode:
         while not (episode.done or ending.met(episode)):
             episode.ask()
+    if episode.fault:  # What a broken partner lets fail is no failure of the agent's.
+        raise episode.fault

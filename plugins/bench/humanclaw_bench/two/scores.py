@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
@@ -13,6 +13,7 @@ from humanclaw import RecordedEpisode
 from humanclaw.body import HISTORY, Array, Motion, rest_pose, wrap_angle
 from humanclaw.records import Partner, in_view
 from humanclaw_bench.failure_modes import Rule, Stage
+from humanclaw_bench.hands.scores import CAUSES as OF_HANDS, HandFacts
 from humanclaw_bench.two.partners import ARRIVED, PARTNER
 
 MEETING: Final = 1.0
@@ -21,6 +22,8 @@ FACING: Final = float(np.radians(45))
 """Bearing of a partner who is faced, at most, radians."""
 NEAR: Final = 2.0
 """Metres from pelvis to pelvis at most of who follows."""
+GIVING: Final = 1.2
+"""Metres from pelvis to pelvis at most of two who pass a thing on, at arm's length each."""
 _STOOD: Final = 0.5
 """Metres from its start within which a body has hardly moved."""
 
@@ -32,6 +35,8 @@ class Together:
     recorded: RecordedEpisode
     other: Motion
     """Of the partner, from the same start; where it ends, the partner stands."""
+    holds: frozenset[int] = frozenset()
+    """What the partner holds at the end."""
 
     @classmethod
     @lru_cache(1)  # Scores and root cause need the same.
@@ -39,7 +44,8 @@ class Together:
         """Read the partner's motion too, once the episode has some itself. Raises RecordError if it is missing."""
         if not recorded.has_motion:
             return cls(recorded, rest_pose(0))
-        return cls(recorded, RecordedEpisode(recorded.folder / PARTNER).motion())
+        partner = RecordedEpisode(recorded.folder / PARTNER)
+        return cls(recorded, partner.motion(), frozenset(partner.steps[-1].held.values() if partner.steps else ()))
 
     @property
     def partner(self) -> Partner:
@@ -127,9 +133,28 @@ class Together:
         said = (value for call in speeches if call for value in call.params.values() if isinstance(value, str))
         return sum(len(text.split()) for text in said)
 
+    @cached_property
+    def hands(self) -> HandFacts:
+        return HandFacts(self.recorded)
+
+    @property
+    def given(self) -> bool:
+        """Whether the partner holds the thing at the end, and the body lets it."""
+        own = self.recorded.steps[-1].held.values() if self.recorded.steps else ()
+        return set(self.hands.goal.things) <= self.holds - set(own)
+
+    @property
+    def _giving(self) -> dict[str, bool]:
+        nav = any(map(self.hands.near, self.recorded.steps))
+        reach = nav and (self.hands.reached or self.hands.held)
+        hold = reach and self.hands.held
+        return {"nav": nav, "reach": reach, "hold": hold, "give": hold and self.given and self.stopped}
+
     @property
     def stages(self) -> dict[str, bool]:
         """Whether each stage of the task is passed, and all before it."""
+        if self.partner.task == "give":
+            return self._giving
         if self.partner.task == "meet":
             return {"find": self.found, "meet": self.found and self.met}
         kept = self.found and self.kept
@@ -138,8 +163,15 @@ class Together:
 
 def first_failed(stages: Mapping[str, bool]) -> Stage:
     """Return the first stage of a failed episode that was not passed."""
-    order: tuple[Stage, ...] = ("find", "meet", "keep", "end")
+    order: tuple[Stage, ...] = ("find", "meet", "keep", "end", "nav", "reach", "hold", "give")
     return next(stage for stage in order if not stages.get(stage, True))
+
+
+def _holding(stage: Stage) -> Iterator[Rule[Together]]:
+    """Yield the root causes of tasks for hands that end at a stage."""
+    for cause in OF_HANDS:
+        if cause.stage == stage:
+            yield Rule(stage, cause.name, cause.capability, lambda f, rule=cause.rule: rule(f.hands))  # type: ignore[misc]
 
 
 CAUSES: Final[tuple[Rule[Together], ...]] = (
@@ -156,5 +188,15 @@ CAUSES: Final[tuple[Rule[Together], ...]] = (
     Rule("end", "stopped too early", "decision", lambda f: f.stopped),
     Rule("end", "never stopped", "decision", lambda f: f.arrival is not None),
     Rule("end", "out of steps", "action", lambda f: True),
+    Rule("nav", "never heard the wish", "decision", lambda f: not any(step.heard for step in f.recorded.steps)),
+    Rule("nav", "never saw the thing", "mid-level reasoning",
+         lambda f: not any(map(f.hands.in_view, f.recorded.steps))),
+    *_holding("nav"), *_holding("reach"), *_holding("hold"),
+    Rule("give", "never stopped", "decision", lambda f: f.given),
+    Rule("give", "dropped", "body awareness", lambda f: f.hands.dropped > 0),
+    Rule("give", "stopped while far", "ego-spatial distance", lambda f: f.stopped and f.distances[-1] > GIVING),
+    Rule("give", "never came near", "action", lambda f: not (f.distances <= GIVING).any()),
+    Rule("give", "let go untaken", "decision", lambda f: not f.recorded.steps[-1].held),
+    Rule("give", "not held out", "body awareness", lambda f: True),
 )  # fmt: skip
 """Root causes of tasks with a partner, in the order of their rules."""
