@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         Backends as Backends,
         default_simulator as default_simulator,
     )
-    from humanclaw.episodes.company import Company as Company
+    from humanclaw.episodes.company import Company as Company, places_together as places_together
     from humanclaw.episodes.embodiment import Body as Body
     from humanclaw.episodes.episode import Episode as Episode
     from humanclaw.episodes.execution import SkillExecution as SkillExecution

@@ -22,7 +22,7 @@ from humanclaw.cli.options import INTERRUPTED, Deciders, advice_after
 from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
-from humanclaw.episodes.company import Company, place_beside
+from humanclaw.episodes.company import Company, places_together
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Clock
 from humanclaw.episodes.loop import run_episode
@@ -75,7 +75,7 @@ def play(
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     out = out or new_folder("-with-".join(name_of(named.title) for _, named in tasks))
-    starts = [scene.start, *([place_beside(scene, scene.start)] if partner else [])]
+    starts = places_together(scene, len(tasks))
     roles = [
         _Role(_spec(text, scene, start, name_of(reference), seed + k, max_steps), named, *agents[k], out)
         for k, ((text, named), start) in enumerate(zip(tasks, starts, strict=True))

@@ -262,18 +262,15 @@ class _World:
         return dict(enumerate(self._simulator.reset_all(self._scene, [start for _, start in starts])))
 
     def _executed(self, motions: dict[int, Motion]) -> Mapping[int, Execution]:
-        frames = len(next(iter(motions.values())))
-        standing = {} if len(motions) == self._count else dict(enumerate(self._simulator.states()))
-        still = {number: state.body.held(frames) for number, state in standing.items()}
-        late = {number: self.bodies[number] for number in sorted(self._late & self._playing - motions.keys())}
-        still |= {number: body.stands() for number, body in late.items()}
-        executions = self._simulator.execute_all([(still | motions)[number] for number in range(self._count)])
+        standing = [number for number in range(self._count) if number not in motions]
+        motions = motions | {number: self.bodies[number].stands() for number in standing}
+        executions = self._simulator.execute_all([motions[number] for number in range(self._count)])
         said, self.said = self.said, []
         if said:
             after = self._simulator.states()
             executions = [replace(done, heard=self._heard(k, said, after)) for k, done in enumerate(executions)]
-        for number, body in late.items():
-            body.stood(executions[number])
+        for number in standing:
+            self.bodies[number].stood(executions[number], number in self._playing)
         return dict(enumerate(executions))
 
     def _heard(self, listener: int, said: Sequence[tuple[int, str]], states: Sequence[WorldState]) -> tuple[Heard, ...]:
@@ -292,8 +289,16 @@ class _World:
         return voice_distance(self._scene, speaker.objects, source, ear) <= HEARING
 
 
-def place_beside(scene: Scene, start: Pose2D, metres: float = 1.5) -> Pose2D:
-    """Return a free place about so far from a start, that looks at it. Raises SceneError if none is within 5 m."""
+def places_together(scene: Scene, count: int) -> list[Pose2D]:
+    """Return the start of a scene and free places beside it, so many in all: 1.5 m away, 3 m and so on, looking at it.
+
+    Raises SceneError if there is none within 5 m.
+    """
+    # So they are apart from one another, too.
+    return [scene.start, *(_place_beside(scene, scene.start, 1.5 * number) for number in range(1, count))]
+
+
+def _place_beside(scene: Scene, start: Pose2D, metres: float) -> Pose2D:
     where = np.array([start.x, start.floor, start.z])
     ways = MultiFloorMap.of(scene).starts(where)
     free = np.concatenate(ways) if ways else np.empty((0, 3))

@@ -211,12 +211,13 @@ class Body:
         """Return half a second of standing, for a world that does not wait for a call: it tells stood() the outcome."""
         return self._mover.stands()
 
-    def stood(self, execution: Execution) -> None:
-        """Enter half a second in which the body stood, since it was not called. It belongs to the next call."""
+    def stood(self, execution: Execution, late: bool) -> None:
+        """Go on from half a second of standing. late: whether it belongs to the next call, as time waited."""
         if not self._stood:
             self._before = self._mover.state, self.feeling
         self._waiting = None
-        self._stood.append(self._mover.stood(execution))
+        chunk = self._mover.stood(execution)
+        self._stood += [chunk] * late
 
     def _execute(self, call: Call, watch: Watcher | None, waited: int) -> SkillExecution:
         skill = self.plugins.skill(call.skill)

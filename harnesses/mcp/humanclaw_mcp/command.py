@@ -35,8 +35,9 @@ from humanclaw.cli import (
     scene_option,
     seed_option,
 )  # fmt: skip
+from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.server import Handlers, make_server
-from humanclaw_mcp.session import SESSIONS, Bodies, Settings
+from humanclaw_mcp.session import SESSIONS, Settings
 
 
 @click.command("mcp")
@@ -50,6 +51,14 @@ from humanclaw_mcp.session import SESSIONS, Bodies, Settings
     "--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Most steps of an episode."
 )
 @click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Most bodies at one time.")
+@click.option("--company", type=click.IntRange(2, 4), help="Bodies of one house that all clients share, with --http.")
+@click.option(
+    "--patience",
+    type=click.FloatRange(1),
+    default=30,
+    show_default=True,
+    help="Seconds that one of them is waited for.",
+)
 @click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds to keep an idle body.")
 @click.option("--reasoning/--no-reasoning", default=False, help="Also ask what is seen and why, as in the benchmark.")
 @click.option("--verifier", default="", help="Verifier by name: it checks each call before the body moves.")
@@ -67,6 +76,8 @@ def command(
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     if options["auth_env"] and not http:
         raise HumanclawError("--auth-env protects HTTP only; over standard streams there is one client.", "Add --http.")
+    if options["company"] and not http:
+        raise HumanclawError("--company is for several clients, and over standard streams there is one.", "Add --http.")
     given = {key: value for key, value in options.items() if value is not None}
     settings, plugins = Settings(**given, options=parse_pairs(pairs)), Plugins.discover(files, choice)
     # A wrong name or option is told now, not to the first client.

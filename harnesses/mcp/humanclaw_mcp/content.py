@@ -65,7 +65,7 @@ class Outcome(BaseModel):
 
 
 def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
-    """List every trained skill, then `look` and `reset`; the skill contract reserves these two names."""
+    """List every trained skill, then `look` and, in a house of one's own, `reset`; the contract reserves both names."""
     ready = [skill for skill in skills if skill.trained]
     schema = Outcome.model_json_schema()
     acting = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=False)
@@ -73,7 +73,7 @@ def tools(skills: Iterable[Skill], settings: Settings) -> list[Tool]:
     moving = [
         Tool(**_snake(spec), output_schema=schema, annotations=acting, title=_title(spec["name"])) for spec in specs
     ]
-    return [*moving, _look(schema), _reset(schema, settings, acting)]
+    return [*moving, _look(schema), *([] if settings.company else [_reset(schema, settings, acting)])]
 
 
 def _look(output: Json) -> Tool:
@@ -307,6 +307,7 @@ def task(instruction: str, skills: Iterable[Skill], settings: Settings) -> str:
         endings=[skill.name for skill in ready if skill.role == "stop"],
         max_steps=settings.max_steps,
         reasoning=settings.reasoning,
+        resets=not settings.company,
     )
 
 

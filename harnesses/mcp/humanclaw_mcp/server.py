@@ -24,8 +24,9 @@ import humanclaw_mcp
 from humanclaw import CallError, Decision, HumanclawError
 from humanclaw.skills import read_call
 from humanclaw_mcp import content
+from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.content import LOG, LOOK, RESET, STATE, VIEW
-from humanclaw_mcp.session import SESSION_HEADER, SESSIONS, Bodies, Session, Snapshot, Task
+from humanclaw_mcp.session import SESSION_HEADER, SESSIONS, Session, Snapshot, Task
 
 logger = logging.getLogger(__name__)
 
@@ -87,7 +88,8 @@ class Handlers:
 
     def _session(self, ctx: Context) -> Session:
         who = ctx.session.client_params
-        return self.bodies.of(key_of(ctx), who.client_info.name[:60] if who else "")
+        asked = ctx.request.query_params.get("body", "") if ctx.request is not None else ""
+        return self.bodies.of(key_of(ctx), who.client_info.name[:60] if who else "", asked)
 
     def _new_task(self, key: str, arguments: dict[str, Any]) -> Task:
         settings = self.bodies.settings

@@ -1,4 +1,4 @@
-"""Bodies and their episodes, one after another: the settings, a client's session, and the sessions of a server.
+"""Bodies and their episodes, one after another: the settings, and a client's session.
 
 Requests come on any thread. A session runs one at a time, and a lock that all sessions share lets one body move at a
 time: the simulator is not thread-safe, and the motion of a body must not depend on other bodies.
@@ -12,17 +12,15 @@ import threading
 import time
 import uuid
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
-import anyio
-import anyio.to_thread
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import Backends, Body, Decision, Episode, HumanclawError, Plugins, StepRecord
+from humanclaw import Backends, Body, Decision, Episode, HumanclawError, Plugins, StepRecord, Verifier
 from humanclaw.body import Pose2D
 from humanclaw.cli import legible
 from humanclaw.records import Outcome, free_episode
@@ -60,6 +58,10 @@ class Settings:
     """Options of the verifier, such as its model."""
     bodies: int = 4
     """Most bodies at one time, one for each session."""
+    company: int = 0
+    """Bodies of the one house that all sessions share; 0 for a house for each session."""
+    patience: float = 30.0
+    """Seconds that the bodies of a shared house wait for one that is not called; then it stands."""
     idle: float = 900.0
     """Seconds without a call after which a body is closed."""
     progress_every: float = 1.0
@@ -82,6 +84,14 @@ class Settings:
             raise HumanclawError("--option belongs to a verifier, and none is named.", "Add --verifier NAME.")
         if not self.instruction.strip():
             raise HumanclawError("the instruction is empty.", "Say what the body is to do.")
+        if self.company and len(self.scenes) > 1:
+            raise HumanclawError(f"one house is shared; got {len(self.scenes)} scenes.", "Name one.")
+
+    def backends(self) -> Backends:
+        """Return the parts that bodies are made of."""
+        return Backends(
+            self.simulator, generator=self.generator, profile=self.profile, sensors=self.sensors, prior=self.prior
+        )
 
 
 _MAKING: Final = "The body is being made."
@@ -116,10 +126,24 @@ class Snapshot:
     """Every step of the episode so far."""
 
 
+def new_title() -> str:
+    """Return a name for new records."""
+    return f"mcp-{datetime.datetime.now():%Y%m%d-%H%M%S}-{uuid.uuid4().hex[:8]}"
+
+
+def verifier_of(plugins: Plugins, settings: Settings) -> Verifier | None:
+    """Return a verifier for an episode, if the settings name one."""
+    return plugins.make("verifiers", settings.verifier, settings.options) if settings.verifier else None
+
+
 class Session:
     """A body and its episodes. Thread-safe: requests run one at a time."""
 
-    def __init__(self, plugins: Plugins, settings: Settings, motion_lock: threading.Lock, client: str = "") -> None:
+    next_episode: ClassVar = "Call reset to begin another."
+
+    def __init__(
+        self, plugins: Plugins, settings: Settings, motion_lock: AbstractContextManager[Any], client: str = ""
+    ) -> None:
         """Make nothing before the first request. motion_lock: lock shared by all sessions."""
         self.used = time.monotonic()
         self.doing = ""
@@ -130,7 +154,7 @@ class Session:
         self._name = f"mcp:{' '.join(legible(client).split())}" if client else "mcp"
         self._plugins, self._settings, self._motion_lock = plugins, settings, motion_lock
         self._turn = threading.Lock()
-        self._id = f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{uuid.uuid4().hex[:8]}"
+        self._title = new_title()
         self._begun = 0
         self._body: Body | None = None
         self._episode: Episode | None = None
@@ -143,7 +167,7 @@ class Session:
     @property
     def title(self) -> str:
         """Name of the current episode in its record."""
-        return f"mcp-{self._id}-{self._begun}"
+        return f"{self._title}-{self._begun}"
 
     @property
     def steps(self) -> tuple[StepRecord, ...]:
@@ -161,7 +185,7 @@ class Session:
             episode = self._episode or self._begin()
             if episode.done:
                 ended = f"the episode has ended ({episode.outcome.replace('_', ' ')})"
-                words = f"Nothing was executed: {ended}. Call reset to begin another."
+                words = f"Nothing was executed: {ended}. {self.next_episode}"
                 return self._snapshot(episode, words, refused=True)
             episode.submit(decision)
             feedback = episode.observe().feedback
@@ -184,9 +208,12 @@ class Session:
         with self._turn, self._motion_lock:
             self._closed = True
             self._end()
-            if self._body:
-                self._body.close()
-                self._body = None
+            self._put_away()
+
+    def _put_away(self) -> None:
+        if self._body:
+            self._body.close()
+            self._body = None
 
     @contextmanager
     def _acting(self) -> Iterator[None]:
@@ -208,7 +235,7 @@ class Session:
         body, task, settings = self._embody(), self.task, self._settings
         spec = free_episode(task.instruction, body.scene, seed=task.seed, max_steps=settings.max_steps, name=self.title)
         folder: Path | None = settings.out / self.title if settings.out else None
-        judge = self._plugins.make("verifiers", settings.verifier, settings.options) if settings.verifier else None
+        judge = verifier_of(self._plugins, settings)
         self._episode = Episode(body, spec, self._name, judge, folder=folder, distance=geodesics)
         return self._episode
 
@@ -220,12 +247,8 @@ class Session:
     def _embody(self) -> Body:
         """Return the body in the scene of the task; make or move it there if needed."""
         if self._body is None:
-            self.doing, asked = _MAKING, self._settings
-            backends = Backends(
-                asked.simulator, generator=asked.generator, profile=asked.profile, sensors=asked.sensors,
-                prior=asked.prior,
-            )  # fmt: skip
-            self._body = Body(self.task.scene, plugins=self._plugins, backends=backends)
+            self.doing = _MAKING
+            self._body = Body(self.task.scene, plugins=self._plugins, backends=self._settings.backends())
             self.doing = _MOVING
         elif self._body.scene.name != self.task.scene:
             self._body.reset(self.task.scene)
@@ -242,67 +265,3 @@ class Session:
             max_steps=episode.spec.max_steps,
             steps=episode.steps,
         )
-
-
-class Bodies:
-    """One body for each session, up to a limit. Used from one event loop; the bodies move on worker threads."""
-
-    def __init__(self, settings: Settings, plugins: Plugins | None = None) -> None:
-        """plugins: shared by all sessions; by default the installed ones."""
-        self.settings = settings
-        self.plugins = plugins or Plugins.discover()
-        self._motion_lock = threading.Lock()
-        self._sessions: dict[str, Session] = {}
-        self._evicted: set[str] = set()
-
-    def __len__(self) -> int:
-        return len(self._sessions)
-
-    def find(self, key: str) -> Session | None:
-        return self._sessions.get(key)
-
-    def of(self, key: str, client: str) -> Session:
-        """Return the body of a session; make it if there is none.
-
-        Raises HumanclawError at the limit, and once after an idle body was closed: a client must not take a new body
-        for the old one.
-        """
-        if key in self._evicted:
-            self._evicted.remove(key)
-            idle = f"your body was put away after {self.settings.idle:g} seconds without a call."
-            raise HumanclawError(idle, "Call reset to begin with a new one.")
-        if key not in self._sessions:
-            if len(self) >= self.settings.bodies:
-                raise HumanclawError(
-                    f"all {self.settings.bodies} bodies of this server are in use.",
-                    "Try again later, end another session, or start the server with a larger --bodies.",
-                )
-            self._sessions[key] = Session(self.plugins, self.settings, self._motion_lock, client)
-        return self._sessions[key]
-
-    async def release(self, key: str) -> None:
-        """Close a session's body, if it has one."""
-        self._evicted.discard(key)
-        session = self._sessions.pop(key, None)
-        if session:
-            await anyio.to_thread.run_sync(session.close)
-
-    async def evict_idle(self) -> None:
-        """Close the bodies without a call for `idle` seconds."""
-        oldest = time.monotonic() - self.settings.idle
-        for key in [key for key, session in self._sessions.items() if session.used < oldest and not session.busy]:
-            await self.release(key)
-            self._evicted.add(key)
-
-    async def reap_idle(self) -> None:
-        """Release idle bodies while the server runs."""
-        while True:
-            await anyio.sleep(min(self.settings.idle / 4, 30.0))
-            await self.evict_idle()
-
-    async def close(self) -> None:
-        """Close all bodies; running calls stop after their current chunk of motion."""
-        for session in self._sessions.values():
-            session.stop()
-        for key in list(self._sessions):
-            await self.release(key)

@@ -10,8 +10,9 @@ from humanclaw import Call, HumanclawError, Keyframes, Plugins, Verdict, hookimp
 from humanclaw.checks.fakes import Fakes
 from humanclaw.records import Answer
 from humanclaw_mcp import content
+from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.server import Handlers, make_server
-from humanclaw_mcp.session import Bodies, Settings
+from humanclaw_mcp.session import Settings
 
 pytestmark = pytest.mark.anyio
 
@@ -26,7 +27,7 @@ async def test_a_body_that_nobody_calls_is_put_away():
     await bodies.evict_idle()
     assert bodies.find("a") is None
     assert bodies.find("b") is not None
-    with pytest.raises(HumanclawError, match=r"put away after 0.2 seconds without a call. Call reset"):
+    with pytest.raises(HumanclawError, match=r"put away after 0.2 seconds without a call. Call look"):
         bodies.of("a", "")
     assert bodies.of("a", "") is bodies.find("a"), "told once, the client may begin anew"
     await bodies.close()

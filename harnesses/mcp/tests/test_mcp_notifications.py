@@ -12,9 +12,10 @@ from mcp import Client
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
+from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.content import LOG, STATE, VIEW
 from humanclaw_mcp.server import Handlers, make_server
-from humanclaw_mcp.session import Bodies, Settings
+from humanclaw_mcp.session import Settings
 
 pytestmark = [
     pytest.mark.anyio,

@@ -18,10 +18,11 @@ from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
 from humanclaw import HumanclawError, load_run
+from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.command import http_app
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.server import Handlers
-from humanclaw_mcp.session import Bodies, Settings
+from humanclaw_mcp.session import Settings
 
 pytestmark = [pytest.mark.anyio, pytest.mark.integration]
 COMMAND = ("-m", "humanclaw", "mcp")
@@ -143,24 +144,6 @@ def test_a_port_that_is_taken_is_told_in_a_sentence(url):
     assert told.returncode == 2
     assert f"cannot listen on port {port}" in told.stderr
     assert "Traceback" not in told.stderr
-
-
-FAKES = """
-print("stray words")
-from humanclaw.checks.fakes import Fakes
-
-_fakes = Fakes()
-humanclaw_scenes, humanclaw_simulators = _fakes.humanclaw_scenes, _fakes.humanclaw_simulators
-humanclaw_motion_generators = _fakes.humanclaw_motion_generators
-"""
-
-
-@pytest.fixture
-def fake(tmp_path):
-    """The command of a server without physics that keeps records in `tmp_path / "out"`."""
-    (tmp_path / "fakes.py").write_text(FAKES)
-    options = ["--plugin", tmp_path / "fakes.py", "--scene", "fake:floor", "--simulator", "fake", "--generator", "fake"]
-    return [sys.executable, *COMMAND, *map(str, options), "--out", str(tmp_path / "out")]
 
 
 signals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that asks for the end")

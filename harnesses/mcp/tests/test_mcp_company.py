@@ -1,0 +1,73 @@
+"""Tests of a house that two clients share, over HTTP, with bodies that no physics moves."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import time
+
+import anyio
+import pytest
+from mcp import Client
+
+from humanclaw import load_run
+
+pytestmark = [pytest.mark.anyio, pytest.mark.integration]
+TURN, WALK = ("turn_in_place", {"yaw_deg": 30}), ("walk", {"z_cm": 30})
+
+
+@pytest.fixture
+def house(fake):
+    """The address of a server of one house with two bodies, who wait 2 s for each other."""
+    command = [*fake, "--http", "--port", "0", "--company", "2", "--patience", "2"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        yield next(match[0] for line in server.stderr if (match := re.search(r"http://\S+", line)))
+        server.terminate()
+
+
+def words(result):
+    return result.content[0].text
+
+
+async def test_two_clients_move_two_bodies_of_one_house_together(house, tmp_path):
+    async with Client(house) as one, Client(house) as other:
+        assert "reset" not in {tool.name for tool in (await one.list_tools()).tools}
+        async with anyio.create_task_group() as both:
+            both.start_soon(one.call_tool, *TURN)
+            both.start_soon(other.call_tool, *WALK)
+        for client in (one, other):
+            assert not (await client.call_tool("stop", {})).is_error
+    one, other = load_run(tmp_path / "out")
+    assert one.record.company == other.record.company == (one.record.spec.id, other.record.spec.id)
+    assert [len(one.motion()), len(other.motion())] == [20, 20]
+    assert [step.waited for step in (*one.steps, *other.steps)] == [0, 0, 0, 0]
+
+
+async def test_the_second_who_asks_for_a_body_is_refused_until_the_house_begins_anew(house):
+    async with Client(f"{house}?body=2") as one:
+        assert not (await one.call_tool("look", {})).is_error
+        async with Client(f"{house}?body=2") as other, Client(f"{house}?body=3") as third:
+            for client, number in ((other, 2), (third, 3)):
+                refused = await client.call_tool("look", {})
+                assert refused.is_error
+                assert words(refused).startswith(f"body {number} of this house is not free. Ask for 1, or once all")
+        assert "begins anew once all" in words(await one.call_tool("reset", {}))
+    async with Client(f"{house}?body=2") as later:
+        assert not (await later.call_tool("look", {})).is_error
+
+
+async def test_a_body_whose_client_has_gone_stands_while_the_other_goes_on(house):
+    async with Client(house) as one:
+        async with Client(house) as other:
+            await other.call_tool("look", {})
+        began = time.monotonic()
+        assert not (await one.call_tool(*TURN)).is_error
+        assert time.monotonic() - began < 2, "nobody waits for who has gone"
+
+
+async def test_a_client_that_falls_silent_is_waited_for_once_and_told_what_it_missed(house):
+    async with Client(house) as one, Client(house) as silent:
+        await silent.call_tool("look", {})
+        for _ in range(3):
+            assert not (await one.call_tool(*TURN)).is_error
+        assert words(await silent.call_tool(*WALK)).startswith("1.5 s passed while you thought.")
