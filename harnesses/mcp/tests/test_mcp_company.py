@@ -43,7 +43,7 @@ async def test_two_clients_move_two_bodies_of_one_house_together(house, tmp_path
     assert [step.waited for step in (*one.steps, *other.steps)] == [0, 0, 0, 0]
 
 
-async def test_the_second_who_asks_for_a_body_is_refused_until_the_house_begins_anew(house):
+async def test_the_second_who_asks_for_a_body_is_told_what_is_free(house):
     async with Client(f"{house}?body=2") as one:
         assert not (await one.call_tool("look", {})).is_error
         async with Client(f"{house}?body=2") as other, Client(f"{house}?body=3") as third:
@@ -65,7 +65,7 @@ async def test_a_body_whose_client_has_gone_stands_while_the_other_goes_on(house
         assert time.monotonic() - began < 2, "nobody waits for who has gone"
 
 
-async def test_a_client_that_falls_silent_is_waited_for_once_and_told_what_it_missed(house):
+async def test_who_falls_silent_is_waited_for_once_and_told_of_it(house):
     async with Client(house) as one, Client(house) as silent:
         await silent.call_tool("look", {})
         for _ in range(3):
