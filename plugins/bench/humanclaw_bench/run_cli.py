@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from humanclaw import RecordError
+from humanclaw import HumanclawError, RecordError
 from humanclaw.cli import Console, decider_options, plugin_options
 from humanclaw.storage import Folder
 from humanclaw_bench.cli import RUN
@@ -61,7 +61,7 @@ def run_command(
     from humanclaw import Plugins, load_run
     from humanclaw.records import name_of
     from humanclaw_bench.runner import run_split
-    from humanclaw_bench.scoring import metrics_of, results
+    from humanclaw_bench.scoring import metrics_of, results, unjudged
     from humanclaw_bench.splits import load_split
     from humanclaw_bench.tables import brief_tables
     from humanclaw_bench.tables_cli import filled, show
@@ -70,6 +70,8 @@ def run_command(
     plugins = Plugins.discover(files, choice)
     specs = load_split(name, plugins)
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
+    if unknown := unjudged(specs, metrics):
+        raise HumanclawError(*unknown)
     out = out or Path("runs") / f"{Path(name).stem}-{name_of(deciders.title)}"
     if not resume and Folder(out).has("run.json"):
         raise RecordError(

@@ -13,7 +13,7 @@ from typing import Final
 
 from tqdm import tqdm
 
-from humanclaw import PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw import EpisodeSpec, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw_bench.attribution import also, attribute
 from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.results import Result, named
@@ -28,7 +28,6 @@ OWN: Final = frozenset({field.name for field in fields(Scores)} | {"success", "s
 """Names of the numbers in a row of scores."""
 COLLISIONS: Final = "collisions_"
 _LOG: Final = logging.getLogger("humanclaw")
-_UNJUDGED: Final = "success is decided by %r, which no plugin here brings. Give its file: --plugin FILE."
 
 
 def metrics_of(plugins: Plugins) -> Extra:
@@ -53,9 +52,18 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
     """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
     extra = extra or {}
     pairs = zip(episodes, _scored(tuple(episodes), name), strict=True)
-    for unknown in sorted({recorded.record.spec.success for recorded in episodes} - {"", *extra}):
-        _LOG.warning(_UNJUDGED, unknown)
+    if unknown := unjudged([recorded.record.spec for recorded in episodes], extra):
+        _LOG.warning("%s %s", *unknown)
     return [_with_extra(recorded, *pair, extra) for recorded, pair in pairs]
+
+
+def unjudged(specs: Sequence[EpisodeSpec], extra: Extra) -> tuple[str, str] | None:
+    """Return a problem and its remedy if a function decides the success of an episode and is not among these."""
+    spec = next((spec for spec in specs if spec.success and spec.success not in extra), None)
+    if spec is None:
+        return None
+    problem = f"the success of episode {spec.id!r} is decided by {spec.success!r}, which no plugin here brings."
+    return problem, "Give its file: --plugin FILE."
 
 
 def _with_extra(recorded: RecordedEpisode, scores: Scores, cause: Cause | None, extra: Extra) -> Scored:

@@ -90,9 +90,18 @@ def test_a_line_of_a_file_may_name_the_function(file, tmp_path):
     assert "100.0%" in call("table", tmp_path / "run", "--only", "tasks", "--plugin", file)
 
 
+def test_a_run_without_the_function_is_refused_before_it_begins(tmp_path):
+    line = {"id": "a", "instruction": "Walk.", "scene": "toy:0", "success": "stopped_ahead"}
+    (tmp_path / "mine.jsonl").write_text(json.dumps(line) + "\n")
+    words = ["run", "--split", tmp_path / "mine.jsonl", *TOYS, "--agent", "walker", "--out", tmp_path / "run"]
+    refused = CliRunner().invoke(bench, list(map(str, words))).exception
+    assert "success of episode 'a' is decided by 'stopped_ahead', which no plugin here brings" in str(refused)
+    assert not (tmp_path / "run").exists()
+
+
 def test_without_the_function_nothing_is_scored_and_it_is_asked_for(run, caplog):
     assert json.loads(call("table", run, "--json"))["tasks"]["rows"][0]["solved"]["value"] is None
-    assert "success is decided by 'stopped_ahead', which no plugin here brings" in caplog.text
+    assert "success of episode 'late' is decided by 'stopped_ahead', which no plugin here brings" in caplog.text
     assert "--plugin FILE" in caplog.text
 
 
