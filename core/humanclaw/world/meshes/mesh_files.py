@@ -16,10 +16,11 @@ from humanclaw.storage.files import MIB, Folder, read_file
 from humanclaw.world.meshes.gltf import gltf_parts
 from humanclaw.world.meshes.obj import obj_parts
 from humanclaw.world.meshes.parts import Part
-from humanclaw.world.meshes.polygon_files import off_part, ply_part, stl_part
+from humanclaw.world.meshes.polygon_files import off_parts, ply_parts, stl_parts
 
-KINDS: Final = ("glb", "gltf", "obj", "off", "ply", "stl")
-"""Suffixes of models that are read."""
+_READERS: Final = {
+    "glb": gltf_parts, "gltf": gltf_parts, "obj": obj_parts, "off": off_parts, "ply": ply_parts, "stl": stl_parts,
+}  # fmt: skip
 MODEL_BYTES: Final = 512 * MIB
 """Maximum bytes of a model file, and of each file that it names."""
 TEXT_BYTES: Final = 32 * MIB
@@ -60,20 +61,9 @@ def read_model(path: Path) -> Model:
 
 
 def _read(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> list[Part]:
-    if kind not in KINDS:
-        raise SceneError(f"models are {', '.join(KINDS)}.", "Convert it to glb, for example with Blender.")
-    match kind:
-        case "obj":
-            read = obj_parts(data, beside, lost)
-        case "off":
-            read = [off_part(data, lost)]
-        case "ply":
-            read = [ply_part(data, beside, lost)]
-        case "stl":
-            read = [stl_part(data)]
-        case _:
-            read = [*gltf_parts(data, beside, lost)]
-    parts = [part for part in read if len(part.faces)]
+    if kind not in _READERS:
+        raise SceneError(f"models are {', '.join(_READERS)}.", "Convert it to glb, for example with Blender.")
+    parts = [part for part in _READERS[kind](data, beside, lost) if len(part.faces)]
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
             raise ValueError(f"a triangle names vertex {part.faces.max()} of {len(part.vertices)}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from array import array
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,6 +19,9 @@ _MATERIALS: Final = 3000
 """Maximum materials: each becomes a part."""
 _OPTION: Final = re.compile(r"-(?:([ost])((?:\s+[-+]?\.?\d[-+.\de]*){1,3})|mm\s+\S+\s+\S+|\w+\s+\S+)\s+")
 """An option before the name of a picture: s scales it, o moves it."""
+
+Corner = tuple[int, int]
+"""Numbers of its vertex and its uv; -1 for no uv."""
 
 
 def obj_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> list[Part]:
@@ -57,15 +59,6 @@ class _Material:
 
 
 @dataclass
-class _Polygons:
-    """Polygons of one material: how many corners each has; of each corner its vertex, and its uv or -1."""
-
-    counts: array[int] = field(default_factory=lambda: array("q"))
-    points: array[int] = field(default_factory=lambda: array("q"))
-    places: array[int] = field(default_factory=lambda: array("q"))
-
-
-@dataclass
 class _File:
     """A file, as far as it is read."""
 
@@ -73,7 +66,7 @@ class _File:
     lost: Counter[str]
     vertices: list[list[str]] = field(default_factory=list)
     uvs: list[list[str]] = field(default_factory=list)
-    polygons: dict[tuple[str, bool], _Polygons] = field(default_factory=lambda: defaultdict(_Polygons))
+    polygons: dict[tuple[str, bool], list[list[Corner]]] = field(default_factory=lambda: defaultdict(list))
     """By the name of their material, and whether all their corners have uv."""
     materials: dict[str, _Material] = field(default_factory=lambda: defaultdict(_Material))
     current: str = ""
@@ -90,7 +83,8 @@ class _File:
             case "vt":
                 self.uvs.append(rest.split())
             case "f" | "fo":
-                self._polygon([self._corner(corner) for corner in rest.partition("#")[0].split()])
+                corners = [self._corner(word) for word in rest.partition("#")[0].split()]
+                self.polygons[self.current, all(uv >= 0 for _, uv in corners)].append(corners)
             case "l" | "p":
                 self.lost["lines and points"] += 1
             case "usemtl":
@@ -113,37 +107,26 @@ class _File:
         except (OSError, ValueError):
             self.lost[f"files that cannot be read ({name})"] += 1
 
-    def _corner(self, word: str) -> tuple[int, int]:
-        """Return the vertex of a corner such as 1/2/3, and its uv or -1."""
+    def _corner(self, word: str) -> Corner:
         point, place, *_ = *word.split("/"), ""
         uv = _number(place, self.uvs) if place else -1
-        return _number(point, self.vertices), uv if uv < len(self.uvs) else -1
-
-    def _polygon(self, corners: list[tuple[int, int]]) -> None:
-        polygons = self.polygons[self.current, all(uv >= 0 for _, uv in corners)]
-        polygons.counts.append(len(corners))
-        polygons.points.extend(point for point, _ in corners)
-        polygons.places.extend(uv for _, uv in corners)
+        return _number(point, self.vertices), uv if uv in range(len(self.uvs)) else -1
 
     def part(self, name: str, has_uv: bool) -> Part:
         """Return the polygons of a material, all with or all without uv."""
-        material = self.materials[name]
-        counts, points, places = (np.array(numbers, np.int64) for numbers in vars(self.polygons[name, has_uv]).values())
-        wrong = points[(points < 0) | (points >= len(self.vertices))] + 1
-        if wrong.size:
-            size = len(self.vertices)
+        material, polygons = self.materials[name], self.polygons[name, has_uv]
+        counts = np.array([len(corners) for corners in polygons])
+        points, places = np.array([corner for corners in polygons for corner in corners], np.int64).reshape(-1, 2).T
+        size = len(self.vertices)
+        if (wrong := points[(points < 0) | (points >= size)] + 1).size:
             raise SceneError(f"a face names vertex {wrong[0]} of {size}.", "Check that the file is complete.")
         keys = points * (len(self.uvs) + 1) + places
         _, first, corners = np.unique(keys, return_index=True, return_inverse=True)
         starts = np.cumsum(counts) - counts
         loops = [corners[starts[counts == count, None] + np.arange(count)] for count in np.unique(counts)]
         rows = [self.vertices[point] for point in points[first]]
-        vertices, colour, uv, picture = (
-            np.array([row[:3] for row in rows], float).reshape(-1, 3),
-            material.colour,
-            None,
-            None,
-        )
+        vertices = np.array([row[:3] for row in rows], float).reshape(-1, 3)
+        colour, uv, picture = material.colour, None, None
         if colour is None and rows and all(len(row) > 5 for row in rows):  # Place and colour.
             colour = mean_colour(np.array([row[3:6] for row in rows], float))
         if material.picture and has_uv:

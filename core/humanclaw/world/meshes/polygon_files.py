@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Any, Final, NamedTuple
 
@@ -38,8 +38,8 @@ class _Field(NamedTuple):
 
 
 # -- PLY ---------------------------------------------------------------------------------------------------------------
-def ply_part(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Part:
-    """Return the triangles of a PLY file. beside: reads a file that it names. lost: counts what is left out."""
+def ply_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
+    """Yield the triangles of a PLY file. beside: reads a file that it names. lost: counts what is left out."""
     elements, picture = _ply(data)
     (vertex,), faces = elements["vertex"] or [np.zeros(0, [(axis, "f4") for axis in "xyz"])], elements["face"]
     points = np.stack([vertex[axis].astype(float) for axis in "xyz"], axis=1)
@@ -53,7 +53,7 @@ def ply_part(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) ->
     texture = picture_of(picture, beside, lost) if picture and uv is not None else None
     coloured = [rows for rows in (vertex, *faces) if len(rows) and {*_RGB} <= _names(rows)]
     colour = mean_colour(np.stack([coloured[0][key] for key in _RGB], axis=1)) if coloured else PLAIN
-    return Part(points, cut(points, loops, lost), None if uv is None else uv.astype(float), colour, texture)
+    yield Part(points, cut(points, loops, lost), None if uv is None else uv.astype(float), colour, texture)
 
 
 def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
@@ -134,8 +134,8 @@ def _names(rows: Rows) -> set[str]:
 
 
 # -- the others --------------------------------------------------------------------------------------------------------
-def off_part(data: bytes, lost: Counter[str]) -> Part:
-    """Return the triangles of an OFF file, whose colours and normals are left out. lost: counts what is, too."""
+def off_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
+    """Yield the triangles of an OFF file, whose colours and normals are left out. lost: counts what else is."""
     text = "\n".join(line.partition("#")[0] for line in text_of(data).splitlines())
     head, *rows = [words for line in re.sub(r"^\s*(ST)?C?N?OFF", "", text).splitlines() if (words := line.split())]
     if not head[0].isdecimal():
@@ -147,13 +147,13 @@ def off_part(data: bytes, lost: Counter[str]) -> Part:
         groups[int(row[0])].append(row[1 : int(row[0]) + 1])
     if len(rows) < vertices + count:
         raise ValueError(f"it ends after {len(rows)} of {vertices + count} lines")
-    return Part(points, cut(points, (np.array(loops, np.int64) for loops in groups.values()), lost), None, PLAIN)
+    yield Part(points, cut(points, (np.array(loops, np.int64) for loops in groups.values()), lost), None, PLAIN)
 
 
-def stl_part(data: bytes) -> Part:
-    """Return the triangles of an STL file, in bytes or text. Raises ValueError if it holds more or fewer."""
+def stl_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
+    """Yield the triangles of an STL file, in bytes or text. Raises ValueError if it holds more or fewer."""
     corners = _stl_bytes(data) if b"\0" in data else _stl_text(text_of(data))
-    return Part(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), None, PLAIN)
+    yield Part(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), None, PLAIN)
 
 
 def _stl_bytes(data: bytes) -> Array:
