@@ -31,7 +31,7 @@ _HIGH: Final = 1000.0
 class OverheadMapper:
     """Keeps the maps of all objects.
 
-    The body is on a map only where it is seen from outside, in films: drawn anew for each picture, it costs time.
+    People are on a map only where they are seen from outside: drawn anew for each picture, each costs time.
     """
 
     def __init__(self, scene: Scene, model: Model, instances: Instances, movers: Sequence[int]) -> None:
@@ -41,7 +41,7 @@ class OverheadMapper:
         """
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
         self._model, self._rows = model, np.array(movers, int)
-        self._movers, self._body = _order(model, instances, movers), _order(model, instances, [0])
+        self._movers = _order(model, instances, movers)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
         points = boxes[np.ptp(boxes, axis=1).max(axis=1, initial=0.0) < WIDEST].reshape(-1, 3)
         points = np.concatenate([points, [[scene.start.x, scene.start.floor, scene.start.z]]])
@@ -63,21 +63,26 @@ class OverheadMapper:
             self._settle(instances)
         return self._map
 
-    def with_body(self, instances: Instances) -> OverheadMap:
-        """Return the map of now(), and the body on it."""
-        still, near = self.now(instances), self._near(instances)
-        # On the map of a lower storey it would shade all that is under it.
-        storey = max(0, int(np.searchsorted(self._floors, instances.place[0, 1])) - 1)
-        heights, around, floor = still.heights.copy(), still.around.copy(), float(self._floors[storey])
-        with np.errstate(divide="ignore"):
-            body = np.float32(floor + _HIGH) - np.float32(1) / self._drawn(instances, self._body, floor, None)[near]
-        heights[storey][near] = np.maximum(heights[storey][near], body)
-        around[storey][near] = _around(heights[storey : storey + 1, *near])[0]
-        return still._replace(heights=heights, around=np.maximum(around, still.around))
+    def with_people(self, instances: Instances, rows: Sequence[int]) -> OverheadMap:
+        """Return the map of now(), and people on it. rows: of their instances."""
+        still = self.now(instances)
+        if not rows:
+            return still
+        heights, around = still.heights.copy(), still.around.copy()
+        for row in rows:
+            near = self._near(instances.place[row])
+            # On the map of a lower storey it would shade all that is under it.
+            storey = max(0, int(np.searchsorted(self._floors, instances.place[row, 1])) - 1)
+            floor, order = float(self._floors[storey]), _order(self._model, instances, [row])
+            with np.errstate(divide="ignore"):
+                body = np.float32(floor + _HIGH) - np.float32(1) / self._drawn(instances, order, floor, None)[near]
+            heights[storey][near] = np.maximum(heights[storey][near], body)
+            around[storey][near] = np.maximum(around[storey][near], _around(heights[storey : storey + 1, *near])[0])
+        return still._replace(heights=heights, around=around)
 
-    def _near(self, instances: Instances) -> tuple[slice, slice]:
-        """Return the rows and columns of the map around the body."""
-        column, row = ((instances.place[0, [0, 2]] - self._map.corner) / self._cell).astype(int).tolist()
+    def _near(self, place: Array) -> tuple[slice, slice]:
+        """Return the rows and columns of the map around a person's place."""
+        column, row = ((place[[0, 2]] - self._map.corner) / self._cell).astype(int).tolist()
         reach = int(_REACH / self._cell)
         # The outermost cells stay empty.
         first, last = np.clip(

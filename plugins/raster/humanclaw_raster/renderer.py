@@ -173,8 +173,8 @@ def _painted(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
     model, instances, overhead, lit = scene.model, scene.instances, scene.overhead, scene.lit
     gbuffer = _gbuffer(scene, pinhole, camera, glass)
     outside = glass is None and np.linalg.norm(camera.position - instances.place[0]) > OUTSIDE
-    shading = overhead.with_body(instances) if outside else overhead.now(instances)
-    light = ambient_occlusion(pinhole, gbuffer, shading, lit.light)
+    seen = [*range(len(instances.id) - len(scene.people), len(instances.id)), *([0] if outside else [])]
+    light = ambient_occlusion(pinhole, gbuffer, overhead.with_people(instances, seen), lit.light)
     shape = (camera.height, camera.width)
     view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
     paint(model, instances, pinhole, gbuffer, light, _sky(camera), view.rgb, view.depth, view.ids)

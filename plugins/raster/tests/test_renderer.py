@@ -285,10 +285,13 @@ def test_the_shadow_of_an_object_goes_where_it_goes(builder, camera):
     assert here[row, 64, 0] < 0.95 * gone[row, 64, 0]
 
 
-def test_the_body_throws_a_shadow_where_it_is_seen_from_outside(builder, camera):
+@pytest.mark.parametrize(
+    "seen", [STANDING, WorldState(AWAY, {}, people={person_id(1): STANDING.body})], ids=["the body", "another"]
+)
+def test_a_body_throws_a_shadow_where_it_is_seen_from_outside(builder, camera, seen):
     floor = builder.floor()
     eye = camera((0.0, 1.5, 2.5), (0, -0.5, -1), 256)
-    here, gone = builder.look(eye, STANDING), builder.look(eye)
+    here, gone = builder.look(eye, seen), builder.look(eye)
     shaded = ndimage.binary_erosion((here.ids == floor) & (gone.ids == floor), iterations=3)
     shares = here.rgb[shaded].astype(float).mean(-1) / gone.rgb[shaded].mean(-1)
     assert shares.min() < 0.75
