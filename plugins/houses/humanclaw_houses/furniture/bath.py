@@ -16,36 +16,39 @@ def toilet(m: PieceBuilder, style: Style) -> None:
     """Return a close-coupled toilet: bowl, seat, lid up or down, cistern at -Z."""
     seat, z = style.between(0.4, 0.43), 0.1
     rim = seat - 0.03
-    bowl = [
-        Ring(0, 0.11, 0.22, 2.6, z=z - 0.06),
-        Ring(0.05, 0.1, 0.21, 2.4, z=z - 0.06),
-        Ring(0.18, 0.11, 0.22, 2.3, z=z - 0.04),
-    ]
-    bowl += [
-        Ring(0.3, 0.17, 0.24, 2.2, z=z - 0.01),
-        Ring(rim - 0.04, 0.185, 0.25, 2.2, z=z),
-        Ring(rim, 0.185, 0.25, 2.2, z=z),
-    ]
-    inner = [Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02), Ring(rim - 0.09, 0.1, 0.14, 2, z=z + 0.02)]
-    inner.append(Ring(rim - 0.16, 0.05, 0.08, 2, z=z))
-    m.add(loft(bowl, 20, top=False), style.ceramic, "hull")
-    m.add(loft(inner, 20, bottom=False), t.plain((206, 220, 228), style.rng))
-    m.add(
-        loft([Ring(rim, 0.185, 0.25, 2.2, z=z), Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02)], 20, False, False),
-        style.ceramic,
-    )
+    _bowl(m, style, rim, z)
     lid_up = style.chance(0.7)
     _seat(m, style, rim + 0.002, seat, z)
     lid = loft([Ring(y, rx, rx + 0.04, 2.3, z=0.215) for y, rx in ((0, 0.175), (0.02, 0.18), (0.028, 0.16))], 20)
     turn, rest = ((-97.0, 0.0, 0.0), -0.115) if lid_up else ((0.0, 0.0, 0.0), -0.13)
     m.add(lid.moved((0, seat if not lid_up else seat + 0.005, rest), turn), style.white)
+    _cistern(m, style, seat)
+    m.solid((0.37, 0.032, 0.46), (0, seat - 0.032, 0.1))
+    m.solid((0.38, seat + 0.37, 0.18), (0, 0.0, -0.24))
+    m.seat = seat
+
+
+def _bowl(m: PieceBuilder, style: Style, rim: float, z: float) -> None:
+    """Add the bowl, its inside, and the rim between them."""
+    foot = [
+        Ring(0, 0.11, 0.22, 2.6, z=z - 0.06),
+        Ring(0.05, 0.1, 0.21, 2.4, z=z - 0.06),
+        Ring(0.18, 0.11, 0.22, 2.3, z=z - 0.04),
+    ]
+    outer, inner = Ring(rim, 0.185, 0.25, 2.2, z=z), Ring(rim, 0.13, 0.18, 2.1, z=z + 0.02)
+    upper = [Ring(0.3, 0.17, 0.24, 2.2, z=z - 0.01), replace(outer, y=rim - 0.04), outer]
+    inside = [inner, Ring(rim - 0.09, 0.1, 0.14, 2, z=z + 0.02), Ring(rim - 0.16, 0.05, 0.08, 2, z=z)]
+    m.add(loft([*foot, *upper], 20, top=False), style.ceramic, "hull")
+    m.add(loft(inside, 20, bottom=False), t.plain((206, 220, 228), style.rng))
+    m.add(loft([outer, inner], 20, False, False), style.ceramic)
+
+
+def _cistern(m: PieceBuilder, style: Style, seat: float) -> None:
+    """Add the cistern, its lid and button, and the block that it stands on."""
     m.add(soft_box((0.38, 0.37, 0.17), (0, seat - 0.02, -0.24), 0.03), style.ceramic)
     m.add(soft_box((0.4, 0.035, 0.19), (0, seat + 0.35, -0.24), 0.014), style.ceramic)
     m.add(post(0.025, 0.012, (0, seat + 0.385, -0.24), segments=12), style.chrome)
     m.add(box((0.2, seat, 0.17), (0, 0, -0.24)), style.ceramic)
-    m.solid((0.37, 0.032, 0.46), (0, seat - 0.032, 0.1))
-    m.solid((0.38, seat + 0.37, 0.18), (0, 0.0, -0.24))
-    m.seat = seat
 
 
 def _seat(m: PieceBuilder, style: Style, low: float, high: float, z: float) -> None:
