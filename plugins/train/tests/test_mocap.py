@@ -165,6 +165,13 @@ def test_an_asf_may_be_written_otherwise(tmp_path, skeleton, motion, joint, inch
     np.testing.assert_allclose(found, np.array(inches) * 0.0254 / 0.5, atol=1e-9)
 
 
+def test_the_skeleton_of_another_subject_is_not_taken(tmp_path):
+    written(tmp_path, "1.asf", ASF)
+    assert len(load(written(tmp_path, "1_01.amc", AMC))) == 2
+    with pytest.raises(MocapError, match=r"No \.asf"):
+        load(written(tmp_path, "10_01.amc", AMC))
+
+
 def test_an_amc_may_say_its_rate(tmp_path):
     written(tmp_path, "07.asf", ASF)
     for word in (":SAMPLES-PER-SECOND 60", ":FPS 60", ":frame-rate: 60"):
@@ -249,6 +256,20 @@ def test_the_up_axis_of_a_bvh_is_found_from_head_and_feet(tmp_path, prefix, turn
     assert (head - foot)[0, 1] > 1.2
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"UpLeg": "UpperLeg", "Leg": "LowerLeg", "Arm": "UpperArm", "ForeArm": "LowerArm"},
+        {"UpLeg": "Thigh", "Leg": "Shin"},
+    ],
+    ids=["Unity", "Rokoko"],
+)
+def test_joints_have_the_names_that_a_program_gives(tmp_path, names):
+    renamed = re.sub(r"(?<=Left|ight)(\w+)", lambda word: names.get(word[1], word[1]), standing_bvh())
+    motion = retarget(load(written(tmp_path, "a.bvh", renamed)))
+    assert motion.joints()[0, JOINTS.index("head"), 1] > 1.3
+
+
 def test_zero_angles_that_are_no_pose_give_way_to_a_frame(tmp_path):
     """A skeleton whose bones all lie along X at zero angles, as LAFAN's: the legs hang by a turn of the hips."""
     text = standing_bvh()
@@ -330,6 +351,7 @@ def test_a_body_that_may_lie_or_stand_wants_its_up_axis(tmp_path, hips):
         ("a.bvh", ("Frame Time: 0.0083333", "Frame Time: 0"), "Frame Time.*0"),
         ("a.bvh", ("Frame Time: 0.0083333", "Frame Time: 8.3333"), "seconds.*8.3333"),
         ("a.bvh", ("Xposition", "Xscale"), "channel xscale"),
+        ("a.bvh", ("MOTION", "ROOT Other\n{\nOFFSET 0 0 0\n}\nMOTION"), "one ROOT; got Hips, Other"),
         ("a.bvh", ("90 0 0 0 90 0", "nan 0 0 0 90 0"), "not finite"),
         ("07.asf", ("direction 1 0 0", "direction 0 0 0"), "hip.*direction"),
         ("07.asf", ("dof rx", "dof rq"), "hip.*rq"),

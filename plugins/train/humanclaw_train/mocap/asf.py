@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,8 +52,11 @@ class _Skeleton:
 
 
 def skeleton_of(amc: Path) -> Path:
-    """Return the ASF file beside an AMC file whose name is the longest prefix of the AMC's. Raises MocapError."""
-    matches = [asf for asf in amc.parent.glob("*.asf") if amc.stem.startswith(asf.stem)]
+    """Return the ASF file beside an AMC file whose name is the longest prefix of the AMC's. Raises MocapError.
+
+    A number is a prefix of no longer number: 1.asf is the skeleton of 1_01.amc, not of 10_01.amc.
+    """
+    matches = [asf for asf in amc.parent.glob("*.asf") if re.match(rf"{re.escape(asf.stem)}(?<!\d(?=\d))", amc.stem)]
     if not matches:
         raise MocapError(
             f"No .asf file beside {amc} has a name that {amc.stem} begins with.", "Put the subject's .asf file there."

@@ -73,6 +73,11 @@ def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]
         raise MocapError(
             f"{path}: expected a BVH HIERARCHY with one OFFSET a joint.", "Check that the file is complete."
         )
+    if len(roots := [name for name, parent in zip(joints, parents, strict=True) if parent < 0]) > 1:
+        raise MocapError(
+            f"{path}: expected one ROOT; got {', '.join(roots)}.",
+            "Export each body to a file of its own, without props.",
+        )
     if unknown := sorted({name for names in channels for name in names} - _CHANNELS):
         raise MocapError(
             f"{path}: expected channels of positions and rotations; got the channel {unknown[0]}.",

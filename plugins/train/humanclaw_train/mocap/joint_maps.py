@@ -51,6 +51,10 @@ NAMINGS: Final = (
            "*Thigh *Calf *Foot *Toe0 *Clavicle *UpperArm *Forearm *Hand *Finger1", "L", "R"),
     _sided("pelvis spine_01 spine_02 spine_03 neck_01 head",
            "thigh_* calf_* foot_* ball_* clavicle_* upperarm_* lowerarm_* hand_* middle_01_*", "l", "r"),
+    _sided("Hips Spine Chest UpperChest Neck Head",
+           "*UpperLeg *LowerLeg *Foot *Toes *Shoulder *UpperArm *LowerArm *Hand -", "Left", "Right"),
+    _sided("Hips Spine1 Spine2 Spine4 Neck Head",
+           "*Thigh *Shin *Foot *Toe *Shoulder *Arm *ForeArm *Hand -", "Left", "Right"),
     _sided("Hip Ab Chest - Neck Head", "*Thigh *Shin *Foot *Toe *Shoulder *UArm *FArm *Hand -", "L", "R"),
     _sided("Pelvis Spine1 Spine2 Spine3 Neck Head",
            "*Hip *Knee *Ankle *Foot *Collar *Shoulder *Elbow *Wrist *Hand", "L", "R"),
@@ -58,7 +62,7 @@ NAMINGS: Final = (
     MappingProxyType({name: name for name in JOINTS}),
 )  # fmt: skip
 """Known naming conventions: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, Mixamo, LAFAN, Xsens, Biped,
-Unreal, OptiTrack, SMPL's own, humanoid3d, and ours."""
+Unreal, Unity, Rokoko, OptiTrack, SMPL's own, humanoid3d, and ours."""
 _NEEDED: Final = (
     "pelvis", *(f"{side}_{limb}" for side in SIDES for limb in ("hip", "knee", "ankle", "shoulder", "elbow")),
 )  # fmt: skip
