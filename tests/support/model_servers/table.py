@@ -14,10 +14,10 @@ from model_servers.openai_server import OpenAIServer, Reply
 
 FILE = Path(__file__).with_name("replies.toml")
 OUTCOMES: Final = {
-    "executed": "the call is executed",
-    "told": "the model reads why no call is executed",
-    "asked otherwise": "later requests leave out what the model does not take",
-    "shortened": "the next request holds fewer past steps",
+    "executed": "executed",
+    "told": "the model reads why not",
+    "asked otherwise": "left out of later requests",
+    "shortened": "fewer past steps",
     "retried": "tried again, then `infra_error`",
     "mended by the user": "an error with a remedy, exit code 2",
 }
