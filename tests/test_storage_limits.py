@@ -137,7 +137,7 @@ def test_motion_that_is_none_is_refused_whatever_reads_it(running, content):
 
 
 def test_many_arrays_may_not_be_large_together(running, monkeypatch):
-    monkeypatch.setattr("humanclaw.records.reading._LARGEST", 4 * 5 * 7 * 8)
+    monkeypatch.setattr("humanclaw.records.recorded_episode._LARGEST", 4 * 5 * 7 * 8)
     many = {f"object_{number}.npy": array((5, 7), b"\0" * 280) for number in range(4)}
     (running / "motion.npz").write_bytes(zipped(many))
     with pytest.raises(RecordError, match="larger than"):

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from humanclaw.prompting.settings import PromptSettings as PromptSettings
     from humanclaw.records.decisions import Attempt as Attempt, Decision as Decision, Usage as Usage, Verdict as Verdict
     from humanclaw.records.limits import Meter as Meter
-    from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run
+    from humanclaw.records.recorded_episode import RecordedEpisode as RecordedEpisode, load_run as load_run
     from humanclaw.records.specification import EpisodeSpec as EpisodeSpec
     from humanclaw.records.steps import EpisodeRecord as EpisodeRecord, StepRecord as StepRecord
     from humanclaw.skills.call import Call as Call

@@ -30,7 +30,7 @@ from humanclaw.plugins.hookspecs import OBSERVERS, noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.decisions import Decision
 from humanclaw.records.instructions import free_episode
-from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.recorded_episode import RecordedEpisode
 from humanclaw.records.steps import StepRecord
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill

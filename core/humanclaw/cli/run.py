@@ -32,7 +32,7 @@ from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.instructions import free_episode, require_words
-from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.recorded_episode import RecordedEpisode
 from humanclaw.records.specification import EpisodeSpec, name_of
 from humanclaw.records.steps import EpisodeRecord, StepRecord
 from humanclaw.storage.files import writing

@@ -24,7 +24,7 @@ from humanclaw.world.view import DEFAULT_GAZE, GAZES, CameraMount, View
 
 if TYPE_CHECKING:
     from humanclaw.records.limits import Meter
-    from humanclaw.records.reading import RecordedEpisode
+    from humanclaw.records.recorded_episode import RecordedEpisode
 
 
 class Installed(Protocol):

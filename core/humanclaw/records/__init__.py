@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         wants_to_sit as wants_to_sit,
     )
     from humanclaw.records.limits import Meter as Meter
-    from humanclaw.records.reading import (
+    from humanclaw.records.recorded_episode import (
         REPORT as REPORT,
         RecordedEpisode as RecordedEpisode,
         load_run as load_run,

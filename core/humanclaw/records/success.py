@@ -10,7 +10,7 @@ import numpy as np
 
 from humanclaw.body.pose import Array
 from humanclaw.records.acknowledgement import SEEN_PIXELS, acknowledges as acknowledges
-from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.recorded_episode import RecordedEpisode
 from humanclaw.records.specification import EpisodeSpec, Goal
 from humanclaw.records.steps import StepRecord
 from humanclaw.records.transition import Transition
