@@ -519,6 +519,23 @@ def test_a_file_is_read_as_programs_write_it(tmp_path: Path, name: str) -> None:
     assert np.linalg.norm(normals, axis=1).sum() / 2 == pytest.approx(area)
 
 
+@pytest.mark.parametrize(("name", "told"), [("one", ()), ("two", ("vertex colours (drawn as their mean): 1",))])
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, name: str, told: Any) -> None:
+    """Red and twice black have a third of 255 red."""
+    reds = {"one": (85, 85, 85), "two": (255, 0, 0)}[name]
+    points, loops = listed([ELL[:3]])
+    colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    head = ply(points, loops).replace("element face", f"{colours}element face")
+    for point, red in zip(points, reds, strict=True):
+        head = head.replace(f"\n{point}\n", f"\n{point} {red} 0 0\n")
+    text = {"ply": head, "obj": obj([f"{p} {red / 255} 0 0" for p, red in zip(points, reds, strict=True)], loops)}[kind]
+    (tmp_path / f"model.{kind}").write_text(text)
+    model = read_model(tmp_path / f"model.{kind}")
+    assert model.parts[0].colour == (85, 0, 0)
+    assert model.left_out == told
+
+
 def test_every_table_of_materials_that_an_obj_names_is_read(tmp_path: Path) -> None:
     """The names of tables and pictures may have blanks; a picture may be scaled by 2 and 3, and moved by 1."""
     (tmp_path / "my red.mtl").write_text("newmtl Red one\nKd 1 0 0\n")

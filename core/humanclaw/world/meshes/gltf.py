@@ -23,7 +23,7 @@ from PIL import Image
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB
-from humanclaw.world.meshes.parts import MOST, PLAIN, Part, pixels
+from humanclaw.world.meshes.parts import MOST, PLAIN, Part, mean_of, pixels
 
 _GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -351,10 +351,7 @@ class _Piece:
         """Return the (3,) mean of the vertex colours, linear."""
         if "COLOR_0" not in self:
             return np.ones(3)
-        colours = _normalised(self["COLOR_0"])[:, :3]
-        if len(colours) and np.ptp(colours, axis=0).max() > 1 / 255:
-            self.file.lost["vertex colours (drawn as their mean)"] += 1
-        return np.asarray(colours.mean(axis=0), float)
+        return mean_of(_normalised(self["COLOR_0"])[:, :3], 1, self.file.lost)
 
     def _uv(self, texture: Any) -> Array | None:
         """Return the (N, 2) coordinates of a texture, turned, scaled and moved as it says."""

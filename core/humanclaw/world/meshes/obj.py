@@ -128,7 +128,7 @@ class _File:
         vertices = np.array([row[:3] for row in rows], float).reshape(-1, 3)
         colour, uv, picture = material.colour, None, None
         if colour is None and rows and all(len(row) > 5 for row in rows):  # Place and colour.
-            colour = mean_colour(np.array([row[3:6] for row in rows], float))
+            colour = mean_colour(np.array([row[3:6] for row in rows], float), self.lost)
         if material.picture and has_uv:
             picture = picture_of(material.picture, self.beside, self.lost)
             uv = material.placed(np.array([self.uvs[place][:2] for place in places[first]], float))

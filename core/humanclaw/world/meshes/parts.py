@@ -63,10 +63,17 @@ def picture_of(name: str, beside: Callable[[str], bytes], lost: Counter[str]) ->
         return None
 
 
-def mean_colour(values: NDArray[Any]) -> tuple[int, int, int]:
-    """Return the mean of (N, 3) colours; numbers with a point go up to 1, unless one is larger."""
-    whole = values.dtype.kind != "f" or values.max(initial=0) > 1
-    mean = np.clip(values.mean(axis=0, dtype=float) * (1 if whole else 255), 0, 255)
+def mean_of(colours: Array, most: float, lost: Counter[str]) -> Array:
+    """Return the (3,) mean of (N, 3) colours; where they differ, count it in lost. most: of a number."""
+    if len(colours) and np.ptp(colours, axis=0).max() > most / 255:
+        lost["vertex colours (drawn as their mean)"] += 1
+    return np.asarray(colours.mean(axis=0), float)
+
+
+def mean_colour(values: NDArray[Any], lost: Counter[str]) -> tuple[int, int, int]:
+    """Return the mean of (N, 3) colours, which go up to 1 if they have a point and none is larger."""
+    most = 255 if values.dtype.kind != "f" or values.max(initial=0) > 1 else 1
+    mean = np.clip(mean_of(values.astype(float), most, lost) * 255 / most, 0, 255)
     red, green, blue = mean.round().astype(int).tolist()
     return red, green, blue
 

@@ -52,7 +52,7 @@ def ply_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -
         loops = [start + np.arange(loop.size).reshape(loop.shape) for start, loop in zip(starts, loops, strict=False)]
     texture = picture_of(picture, beside, lost) if picture and uv is not None else None
     coloured = [rows for rows in (vertex, *faces) if len(rows) and {*_RGB} <= _names(rows)]
-    colour = mean_colour(np.stack([coloured[0][key] for key in _RGB], axis=1)) if coloured else PLAIN
+    colour = mean_colour(np.stack([coloured[0][key] for key in _RGB], axis=1), lost) if coloured else PLAIN
     yield Part(points, cut(points, loops, lost), None if uv is None else uv.astype(float), colour, texture)
 
 

@@ -42,14 +42,9 @@ def cut(vertices: Array, polygons: Iterable[Indices], lost: Counter[str]) -> Ind
     return np.concatenate(faces)
 
 
-def _areas(corners: Array) -> Array:
-    """Return the (..., 3) normals of (..., 3, 3) triangles, as long as twice their areas."""
-    return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
-
-
 def _folded(fans: Array) -> Indices:
     """Return the numbers of the fans, (K, triangles, 3, 3), some of whose triangles look the other way."""
-    areas = _areas(fans)
+    areas = np.cross(fans[..., 1, :] - fans[..., 0, :], fans[..., 2, :] - fans[..., 0, :])
     longest = np.linalg.norm(fans - np.roll(fans, 1, axis=2), axis=-1).max(axis=-1, initial=0.0)
     # Three corners in a row, as beside a doorway, have a normal of rounding errors.
     sides = np.linalg.norm(areas, axis=-1) > _SLIVER * longest**2
