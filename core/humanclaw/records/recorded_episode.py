@@ -75,17 +75,21 @@ class RecordedEpisode:
         arrays = self._arrays(f"{kind}_root", f"{kind}_rotations")
         return Motion(*(part.astype(float) for part in arrays.values()))
 
-    def people(self) -> dict[int, Motion]:
-        """Return the motion of each other body in the scene by `person_id`, as long as motion(): who has ended stands.
+    def company(self) -> dict[int, RecordedEpisode]:
+        """Return the episode of each other body in the scene by `person_id`.
 
         Whoever's record is not beside this one, or holds no motion, is left out.
         """
-        others = {k: self.folder.parent / name for k, name in enumerate(self.record.company)}
-        beside = {k: RecordedEpisode(path) for k, path in others.items() if Folder(path).has("motion.npz")}
+        others = {person_id(k): self.folder.parent / name for k, name in enumerate(self.record.company)}
+        found = {k: path for k, path in others.items() if path != self.folder and Folder(path).has("motion.npz")}
+        return {k: RecordedEpisode(path) for k, path in found.items()}
+
+    def people(self) -> dict[int, Motion]:
+        """Return the motion of each of company(), as long as motion(): who has ended stands."""
         frames = np.arange(len(self.motion()))
         return {
-            person_id(k): Motion(*(part[np.minimum(frames, len(part) - 1)] for part in (way.root, way.rotations)))
-            for k, way in ((k, other.motion()) for k, other in beside.items() if other.folder != self.folder)
+            k: Motion(*(part[np.minimum(frames, len(part) - 1)] for part in (way.root, way.rotations)))
+            for k, way in ((k, other.motion()) for k, other in self.company().items())
         }
 
     def objects(self) -> dict[int, Array]:

@@ -6,7 +6,7 @@ All facts come from the record; the scene is only needed to draw the house.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -95,6 +95,7 @@ def episode_page(
     """
     met, moving = milestones(recorded), replay(recorded, drawn.names, drawn.floors, drawn.open_floor)
     steps = _steps(recorded, drawn.names, page, inside=shared is None)
+    others = list(_others(recorded, page, inside=shared is None))
     return (
         environment()
         .get_template("episode.html")
@@ -119,6 +120,8 @@ def episode_page(
             house_script="" if shared else script(drawn.script),
             replay=as_json(moving),
             moments=as_json(_moments(recorded, steps)),
+            others=others,
+            others_views=as_json([other["views"] for other in others]),
             frames=moving["frames"] if moving else _last_frame(recorded),
         )
     )
@@ -180,6 +183,16 @@ def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[in
         return data_uri(recorded.view(step), "image/jpeg") if inside else link(recorded.folder / step.frame_file, page)
 
     return {step.step: source(step) if step.step in sizes else "" for step in recorded.steps}
+
+
+def _others(recorded: RecordedEpisode, page: Path, *, inside: bool) -> Iterator[dict[str, Any]]:
+    """Yield who each other body was, and what it saw from when on, in frames of the replay."""
+    for other in recorded.company().values():
+        pictures = _pictures(other, page, inside=inside)
+        firsts = zip(other.steps, other.spans, strict=True)
+        views = [{"at": first / EVERY, "picture": pictures[step.step]} for step, (first, _) in firsts]
+        if kept := [view for view in views if view["picture"]]:
+            yield {"agent": other.record.agent, "views": kept}
 
 
 def link(target: Path, page: Path) -> str:

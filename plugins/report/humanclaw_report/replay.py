@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
+from itertools import count
 from typing import Any, Final
 
 import markupsafe
@@ -21,13 +22,14 @@ from humanclaw.body import (
     JOINT_INDEX,
     OFFSETS,
     PARENTS,
+    SKINS,
     Array,
     matrix_from_vector,
     quaternion_from_matrix,
     skin,
 )
 from humanclaw.storage import jpeg
-from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh
+from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh, person_id
 from humanclaw_report.camera import BEHIND, LOW, side
 from humanclaw_report.episode_summary import name_of, named, shown_contacts
 
@@ -68,7 +70,7 @@ def skeleton(gaze: CameraMount) -> dict[str, Any]:
 
 @cache
 def person() -> dict[str, Any]:
-    """Return the body's skin as the page poses it: see humanclaw.body.Skin."""
+    """Return the body's skin as the page poses it: see humanclaw.body.Skin; people differ in its colours alone."""
     looks = skin()
     arrays: dict[str, NDArray[Any]] = {
         "vertices": np.round(looks.vertices * 1e4).astype(np.int16),
@@ -76,7 +78,8 @@ def person() -> dict[str, Any]:
         "faces": looks.faces.astype(np.uint16),
         "frames": looks.frames,
         "weights": np.round(looks.weights * 255).astype(np.uint8),
-        "colours": looks.colours[looks.regions],
+        "regions": looks.regions,
+        "palettes": np.stack([skin(name).colours for name in SKINS]),
         "bind": quaternion_from_matrix(matrix_from_vector(looks.bind)).astype(np.float32),
     }
     return packed(arrays)
@@ -95,8 +98,10 @@ def replay(
     kept = np.arange(0, len(simulated), EVERY)
     # Most objects never move: the page takes their place from the house.
     moved = [key for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED]
+    people = recorded.people()
+    own = next(key for key in map(person_id, count()) if key not in people)
     arrays = _pose("simulated", simulated, kept) | _pose("generated", generated, kept)
-    for number, person_motion in enumerate(recorded.people().values()):
+    for number, person_motion in enumerate(people.values()):
         arrays |= _pose(f"person{number}", person_motion, kept)
     arrays |= {f"object_{key}": objects[key][kept].astype(np.float32) for key in moved}
     return {
@@ -104,6 +109,7 @@ def replay(
         "frames": len(kept),
         "camera": [side(simulated), LOW] if open_floor else [BEHIND, ABOVE],
         "body": skeleton(recorded.record.gaze),
+        "looks": [(person_id(0) - key) % len(SKINS) for key in (own, *people)],
         "contacts": _contacts(recorded, names),
         "floors": list(floors) or [recorded.record.start.floor],
         "targets": [[low, high] for low, high in recorded.record.targets.values()],

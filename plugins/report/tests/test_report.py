@@ -18,9 +18,11 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError, load_run
 from humanclaw.body import HISTORY
+from humanclaw.records import write_record
 from humanclaw.world import person_id
 from humanclaw_report.episode_summary import in_words, milestones, named, touches
 from humanclaw_report.floor_plan import house_maps, path_maps, storeys_at
+from humanclaw_report.replay import data_uri
 from humanclaw_report.report import write_report
 from humanclaw_report.scene_cache import KEPT, Drawn, Houses
 from humanclaw_report.timeline_markers import marks
@@ -422,3 +424,15 @@ def test_a_script_that_came_with_the_records_is_replaced(tmp_path: Path) -> None
         path.write_text("alert(1)")
     write_report(tmp_path, None, lambda name: scene)
     assert {path: path.read_bytes() for path in (tmp_path / "report").iterdir()} == scripts
+
+
+def test_of_two_bodies_the_page_shows_both_views_and_colours(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        scene = record_episode(tmp_path / name, name=name)
+        record = RecordedEpisode(tmp_path / name).record.model_copy(update={"company": ("one", "other")})
+        write_record(tmp_path / name, record)
+    page = Page(write_report(tmp_path / "other", None, lambda name: scene).read_text("utf-8"))
+    (seen,) = [tag["src"] for tag in page.all("img") if tag.get("id") == "other0"]
+    other = RecordedEpisode(tmp_path / "one")
+    assert seen == data_uri(other.view(other.steps[0]), "image/jpeg")
+    assert '"looks": [1, 0]' in "".join(page.scripts)

@@ -3,15 +3,17 @@
 /// <reference path="viewer.js" />
 "use strict";
 
+/** @typedef {{at: number, picture: string}[]} OtherViews */
 /** @typedef {{step: number, first: number, end: number, frame: string, call: string, words: string, touches: string, distance: number | null}} Moment */
 
 const find = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const read = (/** @type {string} */ id) => JSON.parse(find(id).textContent ?? "null");
 
 class Player {
-  /** @param {Moment[]} moments @param {number} frames @param {number} fps @param {Stage | null} stage */
-  constructor(moments, frames, fps, stage) {
+  /** @param {Moment[]} moments @param {OtherViews[]} others @param {number} frames @param {number} fps @param {Stage | null} stage */
+  constructor(moments, others, frames, fps, stage) {
     this.moments = moments;
+    this.others = others;
     this.frames = frames;
     this.fps = fps;
     this.stage = stage;
@@ -87,6 +89,13 @@ class Player {
     for (const cursor of this.cursors) cursor.setAttribute("transform", `translate(${share} 0)`);
     if (this.stage) this.stage.draw(this.time);
     this.mark();
+    this.others.forEach((views, number) => this.look(views, /** @type {HTMLImageElement} */ (find(`other${number}`))));
+  }
+
+  /** Show what another body saw last. @param {OtherViews} views @param {HTMLImageElement} image */
+  look(views, image) {
+    const { picture } = views.filter(({ at }) => at <= this.time + 1e-6).pop() ?? views[0];
+    if (image.getAttribute("src") !== picture) image.src = picture;
   }
 
   /** Show a step's view and words. @param {number} index */
@@ -218,7 +227,7 @@ async function main() {
   const moments = /** @type {Moment[]} */ (read("moments"));
   const frames = replay?.frames ?? Math.max(1, Math.ceil(moments[moments.length - 1]?.end ?? 1));
   const stage = await stageOf(replay);
-  const player = new Player(moments, frames, replay?.fps ?? 15, stage);
+  const player = new Player(moments, read("others"), frames, replay?.fps ?? 15, stage);
   player.slider.max = String(frames - 1);
   connect(player);
   if (stage) steer(player, stage);

@@ -10,8 +10,9 @@ const TOUCHED = [1, 0.36, 0.01]; // Linear red, green and blue of skin in contac
 
 /** The skin in its bind pose; figures share it. */
 class Skin {
-  /** @param {Record<string, any>} arrays */
-  constructor(arrays) {
+  /** @param {Record<string, any>} arrays @param {number} looks number of its colours */
+  constructor(arrays, looks = 0) {
+    this.arrays = arrays;
     this.bind = arrays.bind;
     this.frames = arrays.frames;
     this.shape = new THREE.BufferGeometry();
@@ -21,17 +22,23 @@ class Skin {
     this.shape.setAttribute("skinIndex", new THREE.Uint16BufferAttribute(Uint16Array.from(arrays.frames), 4));
     this.shape.setAttribute("skinWeight", new THREE.BufferAttribute(Float32Array.from(arrays.weights, (/** @type {number} */ share) => share / 255), 4));
     this.shape.setIndex(new THREE.BufferAttribute(arrays.faces, 1));
-    // Light is computed with linear colours.
-    this.plain = Float32Array.from(arrays.colours, (/** @type {number} */ tone) => Math.pow(tone / 255, 2.2));
+    this.plain = this.colours(looks);
     this.shape.setAttribute("color", new THREE.BufferAttribute(this.plain.slice(), 3));
     this.marked = "";
   }
 
-  /** The same skin for another body, whose contacts are not shown. @returns {Skin} */
-  unmarked() {
+  /** Red, green and blue of each vertex; light is computed with linear ones. @param {number} looks */
+  colours(looks) {
+    const { regions, palettes } = this.arrays;
+    const tone = (/** @type {number} */ k) => palettes[27 * looks + 3 * regions[Math.floor(k / 3)] + (k % 3)];
+    return Float32Array.from({ length: 3 * regions.length }, (_, k) => Math.pow(tone(k) / 255, 2.2));
+  }
+
+  /** The same skin in other colours, for a body whose contacts are not shown. @param {number} looks @returns {Skin} */
+  worn(looks) {
     const other = Object.assign(Object.create(Skin.prototype), this);
     other.shape = this.shape.clone();
-    other.shape.setAttribute("color", new THREE.BufferAttribute(this.plain.slice(), 3));
+    other.shape.setAttribute("color", new THREE.BufferAttribute(this.colours(looks), 3));
     return other;
   }
 

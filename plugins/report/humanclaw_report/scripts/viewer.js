@@ -7,7 +7,7 @@
 /** @typedef {{vertices: [number, number], faces: [number, number], picture: number}} AssetData */
 /** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
 /** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
-/** @typedef {{fps: number, frames: number, camera: [number, number], body: BodyData, contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
+/** @typedef {{fps: number, frames: number, camera: [number, number], body: BodyData, looks: number[], contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
 /** @typedef {"follow" | "free" | "above" | "ego"} View */
 
 /** @typedef {Uint8Array | Int16Array | Uint16Array | Uint32Array | Float32Array} Values */
@@ -69,7 +69,7 @@ class Furnishing {
 class Stage {
   /** @param {HTMLCanvasElement} canvas @param {Replay} replay @param {House | null} house @param {Packed} person */
   static async of(canvas, replay, house, person) {
-    const stage = new Stage(canvas, replay, new Skin(await unpack(person)));
+    const stage = new Stage(canvas, replay, new Skin(await unpack(person), replay.looks[0]));
     if (house) await stage.furnish(house);
     else stage.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
     await stage.load();
@@ -126,8 +126,8 @@ class Stage {
   /** Prepare the motion of the replay. */
   async load() {
     this.motion = await unpack(this.replay.motion);
-    this.people = Object.keys(this.motion).filter((name) => /^person\d+_root$/.test(name)).map(() => {
-      const other = new Figure(this.replay.body, this.skin.unmarked(), new THREE.MeshLambertMaterial({ vertexColors: true, color: 0xa8c4ff }));
+    this.people = Object.keys(this.motion).filter((name) => /^person\d+_root$/.test(name)).map((_, number) => {
+      const other = new Figure(this.replay.body, this.skin.worn(this.replay.looks[number + 1]), new THREE.MeshLambertMaterial({ vertexColors: true }));
       other.mesh.castShadow = other.mesh.receiveShadow = true;
       this.scene.add(other.root);
       return other;
