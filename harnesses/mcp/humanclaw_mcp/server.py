@@ -167,6 +167,22 @@ class Handlers:
         self._subscriptions.pop(key, None)
         await self.bodies.release(key)
 
+    @asynccontextmanager
+    async def lifespan(self, server: Server[str]) -> AsyncIterator[str]:
+        """Close idle bodies while a server runs, and all of them at its end.
+
+        Yields the name of the only client of a transport without sessions.
+        """
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(self.bodies.reap_idle)
+            try:
+                yield uuid.uuid4().hex
+            finally:
+                tasks.cancel_scope.cancel()
+                # Here and not after the server, because uvicorn raises the signal that ended it, and SIGTERM kills.
+                with anyio.CancelScope(shield=True):
+                    await self.bodies.close()
+
     async def in_session(self, ctx: Context, call_next: CallNext) -> HandlerResult:
         """Refuse HTTP requests of the sessionless protocol, and close a session's body when its connection ends.
 
@@ -275,29 +291,13 @@ INSTRUCTIONS: Final = (
 
 def make_server(handlers: Handlers) -> Server[str]:
     """Return a server for any transport: one body over standard streams, one for each session over HTTP."""
-    bodies = handlers.bodies
-
-    @asynccontextmanager
-    async def lifespan(_: Server[str]) -> AsyncIterator[str]:
-        """Yield the name of the only client of a transport without sessions."""
-        key = uuid.uuid4().hex
-        async with anyio.create_task_group() as tasks:
-            tasks.start_soon(bodies.reap_idle)
-            try:
-                yield key
-            finally:
-                tasks.cancel_scope.cancel()
-                # Here and not after the server, because uvicorn raises the signal that ended it, and SIGTERM kills.
-                with anyio.CancelScope(shield=True):
-                    await bodies.close()
-
     server: Server[str] = Server(
         "humanclaw",
         version=humanclaw_mcp.__version__,
         title="HumanCLAW",
         description="A human body for any tool-calling model.",
         instructions=INSTRUCTIONS,
-        lifespan=lifespan,
+        lifespan=handlers.lifespan,
         on_list_tools=handlers.list_tools,
         on_call_tool=handlers.call_tool,
         on_list_resources=handlers.list_resources,
