@@ -51,7 +51,7 @@ class _Skeleton:
     """Unit of angles: deg or rad."""
 
 
-def skeleton_of(amc: Path) -> Path:
+def _skeleton_of(amc: Path) -> Path:
     """Return the ASF file beside an AMC file whose name is the longest prefix of the AMC's. Raises MocapError.
 
     A number is a prefix of no longer number: 1.asf is the skeleton of 1_01.amc, not of 10_01.amc.
@@ -64,12 +64,12 @@ def skeleton_of(amc: Path) -> Path:
     return max(matches, key=lambda asf: len(asf.stem))
 
 
-def load_amc(path: Path, skeleton: Path, fps: float | None = None) -> SourceMotion:
-    """Read an AMC motion on its ASF skeleton, in metres. fps: frames a second in place of what it says.
+def load_amc(path: Path, fps: float | None = None) -> SourceMotion:
+    """Read an AMC motion on the ASF skeleton beside it, in metres. fps: frames a second in place of what it says.
 
     Joint `x` is where bone x begins; `x_end` is the tip of a last bone. Raises MocapError for broken files.
     """
-    asf = _asf(skeleton)
+    asf = _asf(_skeleton_of(path))
     head, rows = _amc_rows(path)
     # The unit of an AMC's angles is its own word, or else its skeleton's.
     radians = "radians" in head or ("degrees" not in head and asf.angle.startswith("rad"))

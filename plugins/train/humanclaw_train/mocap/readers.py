@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, matrix_from_vector
-from humanclaw_train.mocap.asf import load_amc, skeleton_of
+from humanclaw_train.mocap.asf import load_amc
 from humanclaw_train.mocap.bvh import load_bvh
 from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, SourceMotion, Tree, read_text
 from humanclaw_train.mocap.up_axis import Up, stood_up
@@ -45,12 +45,7 @@ def load(path: Path, reading: Reading = AS_WRITTEN) -> SourceMotion:
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
-    try:
-        source = replace(_READERS[suffix](path, reading.fps), naming=reading.joints)
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        # Whatever else is wrong with one file must not end the reading of a folder.
-        raise MocapError(f"{path} cannot be read: {error}.", "Correct the file, or export it again.") from error
-    return stood_up(source, reading.up)
+    return stood_up(replace(_READERS[suffix](path, reading.fps), naming=reading.joints), reading.up)
 
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
@@ -142,7 +137,7 @@ def load_humanoid3d(path: Path, fps: float | None = None) -> SourceMotion:
 
 _READERS: Final[Mapping[str, Callable[[Path, float | None], SourceMotion]]] = {
     ".bvh": load_bvh,
-    ".amc": lambda path, fps: load_amc(path, skeleton_of(path), fps),
+    ".amc": load_amc,
     ".npz": load_amass,
     ".txt": load_humanoid3d,
 }
