@@ -73,6 +73,12 @@ def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]
         raise MocapError(
             f"{path}: expected a BVH HIERARCHY with one OFFSET a joint.", "Check that the file is complete."
         )
+    _check_hierarchy(path, joints, parents, channels)
+    return Tree(tuple(joints), tuple(parents), np.array(offsets)), channels
+
+
+def _check_hierarchy(path: Path, joints: list[str], parents: list[int], channels: list[tuple[str, ...]]) -> None:
+    """Raise MocapError for several roots, and for channels that are neither position nor rotation."""
     if len(roots := [name for name, parent in zip(joints, parents, strict=True) if parent < 0]) > 1:
         raise MocapError(
             f"{path}: expected one ROOT; got {', '.join(roots)}.",
@@ -83,7 +89,6 @@ def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]
             f"{path}: expected channels of positions and rotations; got the channel {unknown[0]}.",
             "Export the file without it.",
         )
-    return Tree(tuple(joints), tuple(parents), np.array(offsets)), channels
 
 
 def _bvh_frames(path: Path, text: str, width: int, fps: float | None) -> tuple[float, Array]:
