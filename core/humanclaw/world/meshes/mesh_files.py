@@ -76,6 +76,7 @@ def _beside(folder: Path) -> Callable[[str], bytes]:
 
     def read(name: str) -> bytes:
         name = name.strip().replace("\\", "/").lstrip("/")  # Windows writes one, the format wants the other.
-        return inside.read(name if inside.has(name) else unquote(name), MODEL_BYTES)
+        names = (name, unquote(name), name.rpartition("/")[2])  # The last for a path on the maker's own disk.
+        return inside.read(next(filter(inside.has, names), name), MODEL_BYTES)
 
     return read
