@@ -52,6 +52,12 @@ class Skin:
     bind: Array
     """(24, 3) rotation vectors of the bind pose."""
 
+    @cached_property
+    def uv(self) -> Floats:
+        """(N, 2) where the vertices take their colours from a texture of one row, `colours[None]`."""
+        across = (self.regions + 0.5) / len(self.colours)
+        return np.stack([across, np.full_like(across, 0.5)], axis=1).astype(np.float32)
+
     def posed(self, root: Array, rotations: Array) -> tuple[Floats, Floats]:
         """Return (N, 3) vertices, metres, and (N, 3) normals of unit length or shorter, in one pose.
 

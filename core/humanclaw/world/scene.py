@@ -37,13 +37,15 @@ class Mesh:
     """A textured triangle mesh: one texture for all of it (an atlas where there are several materials).
 
     vertices: (N, 3) float32 metres. faces: (M, 3) int32, counter-clockwise from outside. uv: (N, 2) float32 in 0..1, v
-    up. texture: (H, W, 3) uint8, first row at v = 1.
+    up. texture: (H, W, 3) uint8, first row at v = 1. normals: (N, 3) float32 of a body's skin; by default a renderer
+    takes them from the faces.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
     uv: NDArray[np.float32]
     texture: NDArray[np.uint8]
+    normals: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if len(self.uv) != len(self.vertices):
@@ -274,7 +276,7 @@ class Scene:
         for name in sorted(self.assets):
             asset = self.assets[name]
             state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
-            for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
+            for array in filter(lambda array: array is not None, (*vars(asset.mesh).values(), *asset.hulls)):
                 state.update(np.ascontiguousarray(array).ravel().data)  # Without a copy, which takes as long.
         rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms]]
         state.update(json.dumps(rest, sort_keys=True)[:-1].encode())  # The digest continues the list with the start.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from humanclaw.errors import SceneError
 from humanclaw.world.scene import Asset, Mesh, Room, Scene, SceneObject
 
 _HEAD = "scene"
-_MESH = ("vertices", "faces", "uv", "texture")
+_MESH = [field.name for field in fields(Mesh)]
 
 
 def pack_scene(scene: Scene) -> bytes:
@@ -24,8 +25,9 @@ def pack_scene(scene: Scene) -> bytes:
     arrays: dict[str, NDArray[Any]] = {}
     heads = []
     for number, asset in enumerate(scene.assets.values()):
-        for name in _MESH:
-            arrays[f"{number}.{name}"] = np.ascontiguousarray(getattr(asset.mesh, name))
+        for name, array in vars(asset.mesh).items():
+            if array is not None:
+                arrays[f"{number}.{name}"] = np.ascontiguousarray(array)
         points = [np.ascontiguousarray(hull) for hull in asset.hulls]
         arrays[f"{number}.hulls"] = np.concatenate([np.zeros((0, 3), np.float32), *points])
         rest = {key: value for key, value in vars(asset).items() if key not in ("mesh", "hulls")}
@@ -69,5 +71,5 @@ def unpack_scene(data: bytes) -> Scene:
 def _asset(number: int, rest: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Asset:
     ends = np.cumsum(rest.pop("hulls"), dtype=int)
     hulls = np.split(arrays[f"{number}.hulls"], ends)[:-1]
-    mesh = Mesh(*(arrays[f"{number}.{name}"] for name in _MESH))
-    return Asset(mesh=mesh, hulls=tuple(hulls), **rest)
+    parts = {name: arrays[f"{number}.{name}"] for name in _MESH if f"{number}.{name}" in arrays}
+    return Asset(mesh=Mesh(**parts), hulls=tuple(hulls), **rest)

@@ -35,7 +35,7 @@ DARK: Final = 0.03
 GLOW: Final = {"ceiling_lamp": 1.1, "lamp": 1.0, "tv": 0.95}
 """Least brightness of what shines itself, by category."""
 PERSON: Final = "person"
-"""Category of things that look like people. Light falls on them as on a body, which is in no baked light."""
+"""Category of things that look like people, whose frame is a pelvis. They are lit as a body, and shade no floor."""
 SKY: Final = 1.1
 """Brightness of the sky behind windows."""
 OFFSET: Final = 0.16
@@ -76,11 +76,11 @@ def light_up(scene: Scene, model: Model, instances: Instances) -> Lit:
     boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
     people = len(instances.place) - 1 - len(boxes)
     off = boxes.mean(axis=1) - instances.place[1 : 1 + len(boxes)]
-    middle = np.concatenate([np.zeros((1, 3)), off, np.zeros((people, 3))]).astype(np.float32)
-    half = np.concatenate([np.full((1, 3), _BODY), np.ptp(boxes, axis=1) / 2, np.full((people, 3), _BODY)])
+    half, bodies = np.ptp(boxes, axis=1) / 2, [obj.category == PERSON for obj in scene.objects]
     # A body has no box: that of a thing like it would end under the floor and at the ceiling.
-    half[[row for row, obj in enumerate(scene.objects, 1) if obj.category == PERSON]] = _BODY
-    half = half.astype(np.float32)
+    off[bodies], half[bodies] = 0.0, _BODY
+    middle = np.concatenate([np.zeros((1, 3)), off, np.zeros((people, 3))]).astype(np.float32)
+    half = np.concatenate([np.full((1, 3), _BODY), half, np.full((people, 3), _BODY)]).astype(np.float32)
     glow = [0.0, *(GLOW.get(obj.category, 0.0) for obj in scene.objects), *[0.0] * people]
     around = np.empty((len(glow), 6), np.float32)
     lit = Lit(light_of(scene, model, instances), middle, half, np.array(glow, np.float32), around)

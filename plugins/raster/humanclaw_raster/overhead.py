@@ -12,6 +12,7 @@ from humanclaw import Scene
 from humanclaw.body import Array
 from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole
 from humanclaw_raster.drawing import draw
+from humanclaw_raster.lighting import PERSON
 from humanclaw_raster.packing import Floats, Model
 from humanclaw_raster.shading import TALLEST
 
@@ -49,10 +50,10 @@ class OverheadMapper:
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
         self._shape = tuple(np.ceil((high - low)[[2, 0]] / self._cell).astype(int) + 2)
         self._middle = (low + high) / 2
-        self._still = []
+        self._still, solid = [], np.array([obj.category != PERSON for obj in scene.objects], bool)
         for floor in self._floors:
             # 0.3 m lower, so that objects which sink into the floor count. TALLEST leaves out walls and ceilings.
-            on_it = (boxes[:, 0, 1] > floor - 0.3) & (boxes[:, 1, 1] < floor + TALLEST)
+            on_it = solid & (boxes[:, 0, 1] > floor - 0.3) & (boxes[:, 1, 1] < floor + TALLEST)
             rows = sorted({1 + int(k) for k in np.flatnonzero(on_it)} - set(movers))
             self._still.append(self._drawn(instances, _order(model, instances, rows), float(floor), None))
         self._settle(instances)

@@ -18,8 +18,9 @@ LEVELS: Final = 8
 SMOOTH: Final = float(np.cos(np.radians(62.0)))
 """Cosine of 62 degrees. Between faces whose normals differ more is a sharp edge; a bar of six sides is round."""
 
-SMALL, WIDE, PANE = 0, 1, 2
-"""Kinds of faces: light changes evenly over a small or bent one, and not over a wide flat one; a pane shows the sky."""
+SMALL, WIDE, PANE, SKIN = range(4)
+"""Kinds of faces: light changes evenly over a small or bent one, and not over a wide flat one; a pane shows the sky;
+skin is of a body."""
 _WIDE: Final = 0.5
 """Longest side of a small face, metres."""
 _FLAT: Final = 1e-3
@@ -40,7 +41,7 @@ class Model(NamedTuple):
     density: Floats
     """(T,) texels per metre along the surface, in the full-size texture."""
     kind: NDArray[np.int32]
-    """(T,) SMALL, WIDE or PANE."""
+    """(T,) SMALL, WIDE, PANE or SKIN."""
     clusters: NDArray[np.int32]
     """(C, 2) first triangle, and the one after the last."""
     spheres: Floats
@@ -72,11 +73,15 @@ def pack(meshes: Sequence[Mesh], panes: Sequence[NDArray[np.bool_]], sky: NDArra
     texels, levels = _textures([*(mesh.texture for mesh in meshes), sky])
     places = _places(vertices, np.repeat(np.arange(len(meshes)), np.diff(first)))
     normals = _smooth_normals(corners, places[faces]).astype(np.float32)
+    kind = np.where(np.concatenate(panes)[order], PANE, _kind(corners, normals))
+    for number, mesh in enumerate(meshes):
+        if mesh.normals is not None:
+            mine = owner == number
+            normals[mine], kind[mine] = mesh.normals[faces[mine] - first[number]], SKIN
     return Model(
         corners.astype(np.float32), normals,
         uv.astype(np.float32), _density(corners, uv, sizes[owner]).astype(np.float32),
-        np.where(np.concatenate(panes)[order], PANE, _kind(corners, normals)).astype(np.int32),
-        clusters, _spheres(corners.astype(np.float32), clusters), ranges, texels, levels,
+        kind.astype(np.int32), clusters, _spheres(corners.astype(np.float32), clusters), ranges, texels, levels,
     )  # fmt: skip
 
 

@@ -27,9 +27,8 @@ class Person:
 
     def mesh(self) -> Mesh:
         """Return the skin in its bind pose, coloured by a texture of one row."""
-        uv = np.full((len(self._skin.vertices), 2), 0.5, np.float32)
-        uv[:, 0] = (self._skin.regions + 0.5) / len(self._skin.colours)
-        return Mesh(self._skin.vertices, self._faces, uv, self._skin.colours[None])
+        skin = self._skin
+        return Mesh(skin.vertices, self._faces, skin.uv, skin.colours[None], skin.normals)
 
     def dress(self, model: Model, body: Motion, eye: Array) -> Array:
         """Put the mesh's faces where the last frame of a motion has them; return the place of their frame.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from humanclaw.world import compiled, inlined
 from humanclaw_raster.buffers import GOLDEN, HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats
 from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
-from humanclaw_raster.packing import PANE, WIDE, Floats
+from humanclaw_raster.packing import PANE, SKIN, WIDE, Floats
 from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND
 
 REACH: Final = 0.25
@@ -60,7 +60,7 @@ class Half(NamedTuple):
     depth: Floats
     """(H, W), metres; VOID in empty pixels."""
     things: Floats
-    """(H, W) the same, but VOID where the body is."""
+    """(H, W) the same, but VOID where a body is."""
     normals: Floats
     """(3, H, W) camera frame; zero in empty pixels."""
     tone: Floats
@@ -93,7 +93,7 @@ def _halved(gbuffer: GBuffer) -> Half:
             number = gbuffer.surface[2 * row, 2 * column]
             if number >= 0 and gbuffer.table[number, KIND] != PANE:  # A window takes no light from its frame.
                 depth[row, column] = ONE / gbuffer.inverse_depth[2 * row, 2 * column]
-                if gbuffer.faces[number, 1] > 0:  # The first instance is the body.
+                if gbuffer.table[number, KIND] != SKIN:
                     things[row, column] = depth[row, column]
                 if gbuffer.table[number, KIND] == WIDE:
                     tone[row, column] = gbuffer.table[number, BRIGHT]
@@ -168,7 +168,7 @@ def _set_off(half: Half, radius: float, light: Floats) -> None:
     """Darken what is close behind the edge of a thing. A detector trained on photos recognises more with it.
 
     radius: pixels. Opposite neighbours are compared with each pixel in pairs: on a plane, the mean of their inverse
-    depths is the pixel's own. Towards the border of the picture they come closer to it. The body darkens nothing: its
+    depths is the pixel's own. Towards the border of the picture they come closer to it. A body darkens nothing: own
     hands are so close to the eyes that all behind them would be black.
     """
     height, width = light.shape

@@ -36,12 +36,14 @@ def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, face
     """Return the table of a GBuffer. faces: (K, 2) as from draw."""
     table, owner = np.empty((faces.shape[0], SURFACE), np.float32), -1
     turn, shift = np.empty((3, 3)), np.empty(3)
+    # A mirror image of a camera sees a face turn the other way round.
+    hand = np.sign((np.cross(pinhole.axes[0], pinhole.axes[1]) * pinhole.axes[2]).sum())
     for number in range(faces.shape[0]):
         face, instance = faces[number]
         if instance != owner:
             turn, shift = place_model(instances, instance, pinhole)
             owner = instance
-        side = _place(model, turn, shift, face, table[number])
+        side = hand * _place(model, turn, shift, face, table[number])
         _shade(model, instances.turn[instance], lit.around[instance], side, face, table[number])
         # What shines itself is no darker where less light falls on it.
         if lit.glow[instance] > ZERO and model.kind[face] == WIDE:

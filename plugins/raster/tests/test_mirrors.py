@@ -55,6 +55,16 @@ def test_a_board_behind_the_eye_appears_in_the_mirror_by_reflection(hall, camera
     assert view.depth[256, 256] == pytest.approx(2.0, abs=1e-4)
 
 
+def test_light_falls_on_a_reflected_box_from_the_side_of_the_box(builder, camera):
+    """Without lamps, brightness is 0.7 to -Z and 0.85 to +Z, where the glass faces."""
+    glass = hang(builder, "mirror")
+    builder.box((0.3, 0.3, 0.3), (0, 0.85, 3), RED)
+    view = builder.look(camera((0, 1, 0), (0, 0, -1), 512))
+    light = 0.85 * (0.7 * RED[0] / 255) ** 2.2 + 0.15 * (0.85 * 200 / 255) ** 2.2
+    shown = view.rgb[(view.ids == glass) & seen(view, RED), 0]
+    assert np.median(shown) == pytest.approx(tone(light ** (1 / 2.2)), abs=2)
+
+
 def test_a_mirror_is_drawn_in_a_picture_one_pixel_wide(hall, camera):
     builder, glass = hall
     view = builder.look(replace(camera((0, 1, -1.9), (0, 0, -1), 300), width=1))
