@@ -14,7 +14,7 @@ import humanclaw_skill_answer
 import humanclaw_skill_hands
 from humanclaw import Body, Call, Decision, Episode, PluginError, Plugins, RecordedEpisode, SceneError
 from humanclaw.records import Goal
-from humanclaw.world import BODY_ID
+from humanclaw.world import BODY_ID, pack_scene, unpack_scene
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.oneself import KNOWLEDGE
 from humanclaw_bench.oneself.generate import questions
@@ -117,6 +117,7 @@ def test_a_reference_alone_makes_the_scene_again(plugins):
     scene = plugins.scene(SPLIT[0].scene)
     assert scene.digest == SPLIT[0].scene_digest
     assert [len(scene.of_category(category)) for category in ("person", "cube")] == [1, 1]
+    assert unpack_scene(pack_scene(scene)).digest == scene.digest
 
 
 @pytest.mark.parametrize("rest", ["", "moat,0,0,0,0", "post,0,0,0", "post,0,0,0,0", "post,0,0,0,0,x"])
@@ -136,14 +137,17 @@ def test_the_split_is_drawn_again_from_its_seed(plugins):
     assert next(questions(plugins)) == SPLIT[0]
 
 
-def test_own_hand_and_another_persons_are_in_view_together(first):
+def test_hands_are_out_of_view_at_first_and_then_both_in_view(first):
     spec, body = first
     body.reset(spec.scene, spec.start)
+    things = [body.scene.of_category(category)[-1].id for category in ("person", "cube")]
+    assert not np.isin(body.view().ids, [BODY_ID, *things]).any()
+    for _ in range(2):
+        body.call("turn_in_place", yaw_deg=int(re.search(r"yaw_deg (\S+)", spec.instruction)[1]))
     side, *at = re.search(r"side (\w+), x_cm (\S+), y_cm (\S+), z_cm (\S+),", spec.instruction).groups()
     body.call("reach", side=side, **dict(zip(("x_cm", "y_cm", "z_cm"), map(int, at), strict=True)))
     ids = body.view().ids
-    (person,), (cube,) = (body.scene.of_category(category) for category in ("person", "cube"))
-    assert min((ids == one).sum() for one in (BODY_ID, person.id, cube.id)) > 200
+    assert min((ids == one).sum() for one in (BODY_ID, *things)) > 200
 
 
 # -- scores ------------------------------------------------------------------------------------------------------------

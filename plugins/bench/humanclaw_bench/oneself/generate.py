@@ -100,13 +100,15 @@ class Question:
     stage: str
     values: tuple[float, ...]
     words: str
-    """With {call} where the first call stands."""
+    """With {0} where the first call stands."""
     calls: tuple[Asked, ...]
     """What answers it when it is played."""
     read: Callable[[Played, Pose2D], str]
     """Return the answer from what was played; empty if it is on the border."""
     begin: tuple[float, float] = (0.0, 0.0)
     """Where it is played from: metres ahead of the start, and a turn, radians."""
+    away: float = 0.0
+    """Turn of the start from the place, radians."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class Kind:
 
 
 def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
-    """Hold out a hand beside another person's; a cube hangs over one of the two."""
+    """Turn round, and hold out a hand beside another person's; a cube hangs over one of the two."""
     own = float(rng.choice([-1.0, 1.0]))
     other = (-own, own)[number % 2]
     near, far = rng.uniform(0.05, 0.13), rng.uniform(0.3, 0.35)
@@ -134,27 +136,29 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
     at, theirs = np.stack([aside, rng.uniform(1.05, 1.2, 2), rng.uniform(0.42, 0.5, 2)], 1).round(2)
     side = float(round(other * rng.uniform(0.58, 0.64), 2))
     cube = ((at if wanted == "yours" else theirs) + [0, CUBE, 0]).round(3)
-    hand = "left" if own > 0 else "right"
+    hand, turn = "left" if own > 0 else "right", other * np.pi / 3
 
     def read(played: Played, place: Pose2D) -> str:
         mine, yours = (float(np.linalg.norm(cube - point)) for point in (played.hand(hand, place)[-1], theirs))
         return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
 
-    words = "call {call}, and look. A red cube hangs right above a hand. Whose hand is it?"
-    return Question("hands", (side, *theirs.tolist(), *cube.tolist()), words, (_reach(hand, *at),), read)
+    words = "call {0} twice, then {2}, and look. A red cube hangs right above a hand. Whose hand is it?"
+    calls = (*(Asked({"heading.left": turn}),) * 2, _reach(hand, *at))
+    # At first the other is behind the body, so that no view tells whose hand the cube will be above.
+    return Question("hands", (side, *theirs.tolist(), *cube.tolist()), words, calls, read, away=-2 * turn)
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
     """Face a mirror; one that shows, half of the time, another person beside the body."""
     stage = "glass" if wanted == "yes" else "double"
-    away, left = round(float(rng.uniform(1.35, 1.5)), 2), round(float(rng.uniform(23, 28)), 1)
+    away, left = round(float(rng.uniform(1.35, 1.5)), 2), round(float(rng.uniform(28, 31)), 1)
 
     def read(played: Played, place: Pose2D) -> str:
         """Tell whether the mirror faces the body."""
         glass = played.scene.of_category("mirror")[-1]
         normal = matrix_from_quaternion(np.array(glass.rotation))[:, 2]
         back = float(normal @ (played.before[0].root[-1] - glass.position)) / away
-        return "yes" if back > 0.98 else "no" if back < 0.9 else ""
+        return "yes" if back > 0.98 else "no" if back < 0.95 else ""
 
     words = "the mirror on your left shows a person at first. Is it you?"
     return Question(stage, (away, left), words, (), read)
@@ -169,7 +173,7 @@ def _moved(wanted: str, number: int, rng: np.random.Generator) -> Question:
         moved = played.moved(1)
         return "yes" if moved > 0.35 else "no" if moved < 0.12 else ""
 
-    words = "call {call} twice. Did the second of these steps move you by more than 20 cm?"
+    words = "call {0} twice. Did the second of these steps move you by more than 20 cm?"
     return Question("cabinet", (mass,), words, (_walk(step),) * 2, read)
 
 
@@ -203,7 +207,7 @@ def _touch(wanted: str, number: int, rng: np.random.Generator) -> Question:
         sides = {f"{names[key]} on your {part}" for key, part in played.touched("post")}
         return sides.pop() if len(sides) == 1 else ""
 
-    words = "call {call} twice. Which post touches you on the way, and on which side of your body?"
+    words = "call {0} twice. Which post touches you on the way, and on which side of your body?"
     return Question("posts", (red, blue), words, (_walk(0.6),) * 2, read)
 
 
@@ -262,7 +266,7 @@ def _way(ahead: float) -> tuple[tuple[float, float], ...]:
 _YES_NO: Final = ("yes", "no")
 KINDS: Final = (
     Kind("hand", ("yours", "another's"), 17, _way(0.9), _hand),
-    Kind("mirror", _YES_NO, 17, (*_way(0.6), (0.6, 1.3), (1.1, 0.8), (1.7, 0.4)), _mirror),
+    Kind("mirror", _YES_NO, 17, (*_way(0.6), (0.6, 1.0), (0.6, 0.4), (1.2, 0.4), (1.2, -0.1)), _mirror),
     Kind("moved", _YES_NO, 17, _way(1.9), _moved),
     Kind("turned", _TURNS, 6, (), _turned),
     Kind("touch", ("red on your left", "red on your right", "blue on your left",
@@ -294,12 +298,13 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
     for index in rng.permutation(len(places))[:_PLAYED].tolist():
         question, place = kind.draw(wanted, k, rng), places[index]
         scene = body.plugins.scene(reference(house, question.stage, place, question.values))
-        if question.read(_play(body, scene, question, place), place) == wanted:
-            first = question.calls[0].words(body.skills) if question.calls else ""
-            words = f"{question.words.format(call=first)} Answer with one of: {'; '.join(kind.options)}."
+        start = replace(place, yaw=round(float(wrap_angle(place.yaw + question.away)), 3))
+        if question.read(_play(body, scene, question, start), place) == wanted:
+            told = question.words.format(*(asked.words(body.skills) for asked in question.calls))
+            words = f"{told} Answer with one of: {'; '.join(kind.options)}."
             return EpisodeSpec(
                 id=f"{name_of(house)}-{kind.name}", instruction=words, scene=scene.name, scene_digest=scene.digest,
-                start=place, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,
+                start=start, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,
             )  # fmt: skip
     return None
 

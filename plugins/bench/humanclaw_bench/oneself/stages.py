@@ -13,17 +13,17 @@ from inspect import signature
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from humanclaw import Plugins, Reach, Scene, SceneError
-from humanclaw.body import HISTORY, Array, Pose2D, rest_pose, skin, yaw_matrix
+from humanclaw.body import HISTORY, Array, Motion, Pose2D, rest_pose, skin, yaw_matrix
 from humanclaw.motion import DiTGenerator
 from humanclaw.records import Vec3
 from humanclaw.skills import part_motion
 from humanclaw.world import Mesh, SceneBuilder, box_mesh, ego_camera
 
-BESIDE: Final = np.radians(75.0)
-"""Between the body and another person, seen from a mirror. It is turned by half of it, to show the other."""
+BESIDE: Final = np.radians(50.0)
+"""Between the body and another person, seen from a mirror. It is turned by half of it, to show the other and not the
+body. The nearer they are, the more alike is the light on them."""
 CUBE: Final = 0.12
 """Metres from a hand up to the cube that marks it."""
 AHEAD: Final = 1.5
@@ -49,14 +49,13 @@ class Set:
         """Hang a small red cube in the air. Nothing collides with it."""
         self.builder.mesh("cube", box_mesh((0.07, 0.07, 0.07), _RED), self._where(at))
 
-    def person(self, vertices: NDArray[Any], at: Vec3, turned: float = 0.0, shadow: bool = True) -> None:
-        """Put another person of the same looks there. vertices: (N, 3) of the skin."""
+    def person(self, body: Motion, at: Vec3, turned: float = 0.0) -> None:
+        """Put another person of the same looks there. body: its pose, over the origin."""
         looks = skin()
-        uv = np.full((len(vertices), 2), 0.5, np.float32)
-        uv[:, 0] = (looks.regions + 0.5) / len(looks.colours)
-        mesh = Mesh(vertices.astype(np.float32), looks.faces, uv, looks.colours[None])
-        mesh = mesh if shadow else _without_shadow(mesh)
-        self.builder.mesh("person", mesh, self._where(at), rotation=self._turn(turned))
+        vertices, normals = looks.posed(np.zeros(3), body.rotations[-1])
+        mesh = Mesh(vertices, looks.faces, looks.uv, looks.colours[None], normals)
+        where = self._where(tuple(at + yaw_matrix(turned) @ body.root[-1]))
+        self.builder.mesh("person", mesh, where, rotation=self._turn(turned))
 
     def sheet(self, category: str, size: Vec3, ahead: float, eye: Array, turned: float) -> None:
         """Put up a sheet that is a rectangle to an eye (3,), also if it is turned. size: with the height of its
@@ -96,7 +95,7 @@ def _hands(on: Set, side: float, *at: float) -> None:
     left, up, ahead, *cube = at
     reach = Reach("right" if side > 0 else "left", (left - side, up, ahead), seconds=0.5)
     pose, _ = part_motion(reach, rest_pose(HISTORY))
-    on.person(skin().posed(pose.root[-1], pose.rotations[-1])[0], (side, 0.0, 0.0))
+    on.person(pose, (side, 0.0, 0.0))
     on.cube((cube[0], cube[1], cube[2]))
 
 
@@ -110,12 +109,12 @@ def _mirror(on: Set, away: float, left: float, turned: float = 0.0) -> None:
     on = replace(on, place=replace(on.place, yaw=on.place.yaw + np.radians(left)))
     body = Pose2D(0.0, 0.0, -np.radians(left)).to_world(DiTGenerator.load().start())
     eye = ego_camera(body).position
-    on.sheet("frame", (0.86, 1.5, 1.2), away + 0.01, eye, turned)
-    on.sheet("mirror", (0.76, 1.4, 1.2), away, eye, turned)
-    if not turned:
-        return
-    vertices, _ = skin().posed(body.root[-1], body.rotations[-1])
-    on.person(vertices, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE, shadow=False)
+    on.sheet("frame", (0.7, 1.5, 1.2), away + 0.01, eye, turned)
+    on.sheet("mirror", (0.6, 1.4, 1.2), away, eye, turned)
+    for size in ((0.06, 0.5, 0.06), (0.5, 0.02, 0.3)):
+        on.box("stand", size, (0.0, 0.0, away + 0.05))
+    if turned:
+        on.person(body, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE)
 
 
 def _cabinet(on: Set, mass: float) -> None:
