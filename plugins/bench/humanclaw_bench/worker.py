@@ -160,9 +160,9 @@ class Worker:
             self._episode = self._begun(spec, folder, ())
         self._finish(self._episode)
 
-    def _finish(self, episode: Episode) -> None:
+    def _finish(self, episode: Episode, in_vain: Callable[[], bool] = lambda: False) -> None:
         with episode:
-            while not (episode.done or self._stopping() or self._is_hopeless):
+            while not (episode.done or in_vain() or self._stopping() or self._is_hopeless):
                 self._note(episode.ask())
         if episode.fault:
             traceback.print_exception(episode.fault)
@@ -175,7 +175,7 @@ class Worker:
         def play(body: Body) -> None:
             with ending:
                 self._episode = self._begun(spec, folder, (), body, company=(spec.id, f"{spec.id}/{PARTNER}"))
-                self._finish(self._episode)
+                self._finish(self._episode, lambda: ending.alone)
                 ending.frames = sum(step.motion_frames for step in self._episode.steps)
 
         scene: Scene = self._plugins.scene(spec.scene)

@@ -216,6 +216,15 @@ def test_who_asks_for_a_thing_says_where_it_is_when_spoken_to(tmp_path):
 
 
 @pytest.mark.integration
+def test_nobody_plays_on_whose_partner_cannot_play(tmp_path):
+    write_episodes(tmp_path / "one.jsonl", [load_split("two")[-1]])
+    asked = ["--split", str(tmp_path / "one.jsonl"), "--out", str(tmp_path / "run")]
+    told = CliRunner().invoke(bench, ["run", "--agent", "wanderer", "--skills", "walk,turn_in_place,stop", *asked])
+    assert (told.exit_code, "Install humanclaw-skill-say." in told.output) == (1, True)
+    assert len(load_run(tmp_path / "run")[0].steps) <= 2
+
+
+@pytest.mark.integration
 @pytest.mark.parametrize("task", ["meet", "follow", "give"])
 def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, task):
     spec = next(spec for spec in load_split("two") if spec.partner.task == task)

@@ -52,6 +52,8 @@ class Ending:
     """Tells the partner when the episode is over, and after how many frames of motion."""
 
     frames: int = 0
+    alone: bool = False
+    """Whether the partner has left: whatever is played then is in vain."""
     _over: Event = field(default_factory=Event)
 
     def met(self, episode: Episode) -> bool:
@@ -178,8 +180,11 @@ def accompany(spec: EpisodeSpec, folder: Folder, ending: Ending, body: Body) -> 
         seed=spec.seed,
     )  # fmt: skip
     agent = Asker() if spec.partner.task == "give" else Walker(spec.partner.way)
-    with Episode(body, part, agent, folder=folder) as episode:
-        while not (episode.done or ending.met(episode)):
-            episode.ask()
-    if episode.fault:  # What a broken partner lets fail is no failure of the agent's.
-        raise episode.fault
+    try:
+        with Episode(body, part, agent, folder=folder) as episode:
+            while not (episode.done or ending.met(episode)):
+                episode.ask()
+        if episode.fault:  # What a broken partner lets fail is no failure of the agent's.
+            raise episode.fault
+    finally:
+        ending.alone = True
