@@ -539,17 +539,19 @@ def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, 
 def test_every_table_of_materials_that_an_obj_names_is_read(tmp_path: Path) -> None:
     """Names may have blanks, or be a path on another disk. The picture is scaled by 2 and 3, and moved by 1."""
     (tmp_path / "my red.mtl").write_text("newmtl Red one\nKd 1 0 0\n")
-    (tmp_path / "blue.mtl").write_text("newmtl Blue\nKd 0 0 1\n")
+    (tmp_path / "blue.mtl").write_text("newmtl Grey\nKd 0,6\nnewmtl Blue\nKd 0 0 1\n")
     (tmp_path / "green.mtl").write_text(
         "newmtl Green\nmap_Kd -s 2 3 1 -clamp on -bm 0.5 -o 1 0 0 C:\\pictures\\2 gre en.png\n"
     )
     Image.new("RGB", (2, 2), (0, 160, 0)).save(tmp_path / "2 gre en.png")
-    faces = "usemtl Red one\nf 1 2 3\nusemtl Blue\nf 3 2 1\nusemtl Green\nf 1/1 2/2 3/3\nf 1 2 3\n"
+    faces = (
+        "usemtl Red one\nf 1 2 3\nusemtl Blue\nf 3 2 1\nusemtl Grey\nf 3 2 1\nusemtl Green\nf 1/1 2/2 3/3\nf 1 2 3\n"
+    )
     text = f"mtllib my red.mtl blue.mtl\nmtllib green.mtl\n{TRIANGLE}vt 0 0\nvt 1 0\nvt 0 1\n{faces}"
     (tmp_path / "model.obj").write_text(text)
     model = read_model(tmp_path / "model.obj")
-    red, blue, green, bare = model.parts
-    assert [red.colour, blue.colour] == [(255, 0, 0), (0, 0, 255)]
+    red, blue, grey, green, bare = model.parts
+    assert [red.colour, blue.colour, grey.colour] == [(255, 0, 0), (0, 0, 255), (153, 153, 153)]
     assert green.uv is not None
     assert green.picture is not None
     assert green.uv[green.faces[0]].tolist() == [[1, 0], [3, 0], [1, 3]]

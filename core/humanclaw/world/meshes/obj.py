@@ -95,7 +95,8 @@ class _File:
             case "newmtl":
                 self.told = rest.strip()
             case "kd":
-                red, green, blue = (min(max(float(number), 0.0), 1.0) for number in rest.split()[:3])
+                values = [min(max(float(number), 0.0), 1.0) for number in rest.replace(",", ".").split()]
+                red, green, blue = (values * 3)[:3]  # One number is a grey.
                 self.materials[self.told].colour = round(255 * red), round(255 * green), round(255 * blue)
             case "map_kd":
                 self.materials[self.told].take_picture(rest.strip())
