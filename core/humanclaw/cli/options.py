@@ -14,7 +14,7 @@ import click
 
 from humanclaw.episodes.backends import MOTION_HISTORIES, SENSORS, Backends
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
-from humanclaw.records.limits import Meter, check_limits
+from humanclaw.records.limits import check_limits
 from humanclaw.text.words import did_you_mean
 
 if TYPE_CHECKING:
@@ -55,10 +55,6 @@ class Deciders:
         if any(offer.name == name for offer in plugins.registered("agents")):
             return Deciders(name, "", profile, self.limits)
         return Deciders("litellm", "", profile | {"model": name}, self.limits)
-
-    def meter(self) -> Meter:
-        """Return the meter of one run."""
-        return Meter(self.limits)
 
 
 def advice_after(refusal: str) -> str:

@@ -32,6 +32,7 @@ from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.instructions import free_episode, require_words
+from humanclaw.records.limits import Meter
 from humanclaw.records.recorded_episode import RecordedEpisode
 from humanclaw.records.specification import EpisodeSpec, name_of
 from humanclaw.records.steps import EpisodeRecord, StepRecord
@@ -142,8 +143,8 @@ def _play_together(
     def played(role: _Role, body: Body) -> None:
         run_episode(
             body, role.spec, role.agent, role.verifier, folder=role.folder, options=role.deciders.options,
-            distance=geodesics, meter=role.deciders.meter(), begun=partial(console.print, role.head, soft_wrap=True),
-            stopping=interrupted, company=company_ids, clock=clock,
+            distance=geodesics, meter=Meter(role.deciders.limits), stopping=interrupted, company=company_ids,
+            begun=partial(console.print, role.head, soft_wrap=True), clock=clock,
         )  # fmt: skip
 
     if len(roles) == 1:
