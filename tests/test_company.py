@@ -8,11 +8,23 @@ from functools import partial
 import numpy as np
 import pytest
 
-from humanclaw import Backends, Call, Company, Grip, HumanclawError, Keyframes, Plugins, Speech, run_episode, skill
-from humanclaw.body import Pose2D
-from humanclaw.checks.fakes import FAKE, Fakes, FakeWorld, ScriptedAgent, fake_scene
+from humanclaw import (
+    Backends,
+    Call,
+    Chunk,
+    Company,
+    Grip,
+    HumanclawError,
+    Keyframes,
+    Plugins,
+    Speech,
+    run_episode,
+    skill,
+)
+from humanclaw.body import FUTURE, Pose2D, rest_pose
+from humanclaw.checks.fakes import FAKE, FakeRenderer, Fakes, FakeWorld, ScriptedAgent, fake_scene
 from humanclaw.records import RecordedEpisode, free_episode
-from humanclaw.world import SceneBuilder, person_id, voice_distance
+from humanclaw.world import Execution, SceneBuilder, View, person_id, voice_distance
 
 NEAR, FAR = Pose2D(0.0, 0.0), Pose2D(0.0, 2.0, np.pi)
 
@@ -223,3 +235,16 @@ def test_who_ended_stands_while_the_others_go_on_in_their_records(tmp_path):
     seen = b.people()[person_id(0)]
     assert (len(a.motion()), len(seen)) == (20, 50)
     assert np.array_equal(seen.root[19:], np.repeat(a.motion().root[-1:], 31, 0))
+
+
+def test_the_others_are_in_the_views_between_two_decisions_too(monkeypatch):
+    def look(self, state, camera):
+        seen.append(state.people)
+        return View(*np.zeros((3, 1, 1)))
+
+    seen, way = [], NEAR.to_world(rest_pose(FUTURE))
+    monkeypatch.setattr(FakeRenderer, "render", look)
+    with company() as two:
+        execution = Execution(way, (), (), {}, people={person_id(1): FAR.to_world(rest_pose(FUTURE))})
+        list(two.bodies[0].views_during(Chunk(way, execution), 2))
+    assert [list(people) for people in seen] == [[person_id(1)]] * 2

@@ -167,7 +167,8 @@ class Body:
         for frame in np.linspace(0, FUTURE, count + 1, endpoint=False, dtype=int)[1:]:
             body, paths = chunk.execution.simulated[frame : frame + 1], chunk.execution.objects
             objects = {**self._mover.state.objects, **{key: path[frame] for key, path in paths.items()}}
-            yield self._renderer.render(WorldState(body, objects), ego_camera(body, gaze=self._looking))
+            people = {key: way[frame : frame + 1] for key, way in chunk.execution.people.items()}
+            yield self._renderer.render(WorldState(body, objects, people=people), ego_camera(body, gaze=self._looking))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
         """Return the view, and the feedback of the last call."""
