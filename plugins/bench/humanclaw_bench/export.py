@@ -19,7 +19,7 @@ import numpy as np
 from humanclaw import Call, HumanclawError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.storage import Folder
 from humanclaw_bench.failure_modes import Cause
-from humanclaw_bench.scores import Scores, ended, score
+from humanclaw_bench.scores import Scores, ended
 from humanclaw_bench.scoring import COLLISIONS, metrics_of, scored, with_progress
 
 if TYPE_CHECKING:
@@ -63,9 +63,9 @@ def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
-def to_csv(run: Path, out: Path) -> Path:
+def to_csv(run: Path, out: Path, plugins: Plugins | None = None) -> Path:
     """Write a CSV file with one line per episode; unknown numbers are empty."""
-    table = rows(run)
+    table = rows(run, plugins)
     names = list(dict.fromkeys(name for line in table for name in line))
     stream = io.StringIO()
     writer = csv.DictWriter(stream, names, lineterminator="\n")
@@ -75,7 +75,7 @@ def to_csv(run: Path, out: Path) -> Path:
     return out
 
 
-def to_lerobot(run: Path, out: Path) -> Path:
+def to_lerobot(run: Path, out: Path, plugins: Plugins | None = None) -> Path:
     """Write a LeRobotDataset with two frames a second, one per decision. The task is the instruction.
 
     observation.images.ego: the view. observation.state: root position (m) and 24 joint rotations (axis-angle, rad)
@@ -100,8 +100,9 @@ def to_lerobot(run: Path, out: Path) -> Path:
         repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
         features=_features(episodes, actions), use_videos=False,
     )  # fmt: skip
-    for recorded in with_progress(episodes, "exporting"):
-        for frame in _frames(recorded, actions):
+    judged = scored(episodes, metrics_of(plugins or Plugins.discover()))
+    for recorded, (scores, _) in zip(with_progress(episodes, "exporting"), judged, strict=True):
+        for frame in _frames(recorded, actions, bool(scores.success)):
             dataset.add_frame(frame)
         dataset.save_episode()
     dataset.finalize()
@@ -128,8 +129,8 @@ def _features(episodes: Sequence[RecordedEpisode], actions: Sequence[str]) -> di
     }
 
 
-def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[str, Any]]:
-    motion, success = recorded.motion(), score(recorded).success
+def _frames(recorded: RecordedEpisode, actions: Sequence[str], success: bool) -> Iterator[dict[str, Any]]:
+    motion = recorded.motion()
     for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         pose = np.concatenate([motion.root[first - 1], motion.rotations[first - 1].ravel()])
         yield {
@@ -137,7 +138,7 @@ def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[
             "observation.state": pose.astype(np.float32),
             "action": _action(step, actions),
             "next.done": np.array([step is recorded.steps[-1]]),
-            "next.success": np.array([step is recorded.steps[-1] and bool(success)]),
+            "next.success": np.array([step is recorded.steps[-1] and success]),
             "task": recorded.record.spec.instruction,
         }
 
@@ -156,7 +157,7 @@ def _numbers(call: Call) -> dict[str, float]:
     return columns
 
 
-def to_inspect(run: Path, out: Path) -> Path:
+def to_inspect(run: Path, out: Path, plugins: Plugins | None = None) -> Path:
     """Write an inspect_ai log: a sample per episode, a tool call per decision, the success rates as scores.
 
     The views stay in the run; each answer's metadata names its view. out: *.eval or *.json. Raises RecordError if it is
@@ -170,7 +171,7 @@ def to_inspect(run: Path, out: Path) -> Path:
     first = episodes[0].record
     if len({(episode.record.agent, episode.record.verifier) for episode in episodes}) > 1:
         raise RecordError(f"{run} holds runs of several agents.", "Name the folder of one of them.")
-    pairs = scored(episodes)
+    pairs = scored(episodes, metrics_of(plugins or Plugins.discover()))
     spec = log.EvalSpec(
         created=first.created, task="humanclaw", model=first.agent, config=log.EvalConfig(),
         dataset=log.EvalDataset(name=run.name, samples=len(episodes), sample_ids=[e.record.spec.id for e in episodes]),
@@ -249,7 +250,7 @@ def _need(module: str, package: str) -> Any:
         raise HumanclawError(f"this needs {package}: {error}.", f"Run `pip install {package}`.") from error
 
 
-FORMATS: Final[Mapping[str, tuple[Callable[[Path, Path], Path], str]]] = {
+FORMATS: Final[Mapping[str, tuple[Callable[[Path, Path, Plugins], Path], str]]] = {
     "csv": (to_csv, "episodes.csv"),
     "inspect": (to_inspect, "inspect.eval"),
     "lerobot": (to_lerobot, "lerobot"),

@@ -132,10 +132,11 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @click.argument("run", type=RUN)
 @click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
 @click.option("--out", type=RUN, help="File or folder to write (default: in the run).")
-def export_command(run: Path, form: str, out: Path | None) -> None:
+@plugin_files
+def export_command(run: Path, form: str, out: Path | None, files: tuple[Path, ...]) -> None:
     """Convert a run for other tools. There are a table, an inspect_ai log and a LeRobotDataset."""
     write, name = FORMATS[form]
-    click.echo(write(run, out or run / name))
+    click.echo(write(run, out or run / name, Plugins.discover(files)))
 
 
 def _one(run: Path, files: Sequence[Path]) -> Result:

@@ -1,5 +1,6 @@
 """A task of one's own (@task): its function decides success, in tables, rows, `verify` and replays."""
 
+import csv
 import json
 import shutil
 
@@ -80,6 +81,12 @@ def test_two_runs_are_compared_by_the_function(run, file, tmp_path):
     shutil.copytree(run, tmp_path / "again")
     rows = json.loads(call("compare", run, tmp_path / "again", "--json", "--plugin", file))["metrics"]
     assert [(row["a"], row["b"]) for row in rows if row["metric"] == "solved"] == [(0.5, 0.5)]
+
+
+def test_a_run_is_exported_with_its_successes(run, file):
+    call("export", run, "--to", "csv", "--plugin", file)
+    lines = csv.DictReader((run / "episodes.csv").open())
+    assert {line["episode"]: line["success"] for line in lines} == {"near": "True", "late": "False"}
 
 
 def test_a_line_of_a_file_may_name_the_function(file, tmp_path):
