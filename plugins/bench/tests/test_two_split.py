@@ -211,7 +211,7 @@ def test_who_asks_for_a_thing_says_where_it_is_when_spoken_to(tmp_path):
 
     with Company(scene, [Pose2D(0.0, 0.0), partner.start], plugins=Plugins.discover(HANDS)) as company:
         company.play([asks, partial(accompany, spec, Folder(tmp_path), ending)])
-    wish, answer = "Please bring me the cup.", "I want the cup. It is in this house, 80 cm above the floor."
+    wish, answer = "Please bring me the cup.", "I want the cup. It was in this house, 80 cm above the floor."
     assert heard == [wish, answer]
 
 

@@ -122,7 +122,7 @@ class Asker(Walker):
         thing, (low, _) = self._scene.by_id[self._thing], house.height(self._thing)
         room = next((room.told for room in self._scene.rooms if room.name == thing.room), "this house")
         name = house.phrase(thing)
-        self._answer = f"I want {name}. It is in {room}, {100 * low:.0f} cm above the floor."
+        self._answer = f"I want {name}. It was in {room}, {100 * low:.0f} cm above the floor."
         yield self._say(f"Please bring me {name}.")
         for side in cycle(_SIDES):
             while not self._is_held_out:
