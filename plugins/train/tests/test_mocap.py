@@ -256,17 +256,25 @@ def test_the_up_axis_of_a_bvh_is_found_from_head_and_feet(tmp_path, prefix, turn
     assert (head - foot)[0, 1] > 1.2
 
 
+UNITY = {"UpLeg": "UpperLeg", "Leg": "LowerLeg", "Arm": "UpperArm", "ForeArm": "LowerArm"}
+
+
 @pytest.mark.parametrize(
-    "names",
+    ("names", "written_as"),
     [
-        {"UpLeg": "UpperLeg", "Leg": "LowerLeg", "Arm": "UpperArm", "ForeArm": "LowerArm"},
-        {"UpLeg": "Thigh", "Leg": "Shin"},
+        pytest.param(UNITY, "{0}{1}", id="Unity"),
+        pytest.param(UNITY, "{1}_{0[0]}", id="Bandai Namco"),
+        pytest.param({"UpLeg": "Thigh", "Leg": "Shin"}, "{0}{1}", id="Rokoko"),
+        pytest.param({"UpLeg": "Thigh", "Leg": "Shin", "Arm": "Shldr", "Hips": "hip"}, "{0[0]}{1}", id="DAZ"),
     ],
-    ids=["Unity", "Rokoko"],
 )
-def test_joints_have_the_names_that_a_program_gives(tmp_path, names):
-    renamed = re.sub(r"(?<=Left|ight)(\w+)", lambda word: names.get(word[1], word[1]), standing_bvh())
-    motion = retarget(load(written(tmp_path, "a.bvh", renamed)))
+def test_joints_have_the_names_that_a_program_gives(tmp_path, names, written_as):
+    def renamed(word):
+        name = names.get(word[2], word[2])
+        return written_as.format(word[1], name) if word[1] else name
+
+    text = re.sub(r"(?<=ROOT |OINT )(Left|Right|)(\w+)", renamed, standing_bvh())
+    motion = retarget(load(written(tmp_path, "a.bvh", text)))
     assert motion.joints()[0, JOINTS.index("head"), 1] > 1.3
 
 

@@ -53,6 +53,9 @@ NAMINGS: Final = (
            "thigh_* calf_* foot_* ball_* clavicle_* upperarm_* lowerarm_* hand_* middle_01_*", "l", "r"),
     _sided("Hips Spine Chest UpperChest Neck Head",
            "*UpperLeg *LowerLeg *Foot *Toes *Shoulder *UpperArm *LowerArm *Hand -", "Left", "Right"),
+    _sided("Hips Spine - Chest Neck Head",
+           "UpperLeg_* LowerLeg_* Foot_* Toes_* Shoulder_* UpperArm_* LowerArm_* Hand_* -", "L", "R"),
+    _sided("hip abdomen - chest neck head", "*Thigh *Shin *Foot - *Collar *Shldr *ForeArm *Hand -", "l", "r"),
     _sided("Hips Spine1 Spine2 Spine4 Neck Head",
            "*Thigh *Shin *Foot *Toe *Shoulder *Arm *ForeArm *Hand -", "Left", "Right"),
     _sided("Hip Ab Chest - Neck Head", "*Thigh *Shin *Foot *Toe *Shoulder *UArm *FArm *Hand -", "L", "R"),
@@ -62,7 +65,7 @@ NAMINGS: Final = (
     MappingProxyType({name: name for name in JOINTS}),
 )  # fmt: skip
 """Known naming conventions: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, Mixamo, LAFAN, Xsens, Biped,
-Unreal, Unity, Rokoko, OptiTrack, SMPL's own, humanoid3d, and ours."""
+Unreal, Unity, Bandai Namco, DAZ, Rokoko, OptiTrack, SMPL's own, humanoid3d, and ours."""
 _NEEDED: Final = (
     "pelvis", *(f"{side}_{limb}" for side in SIDES for limb in ("hip", "knee", "ankle", "shoulder", "elbow")),
 )  # fmt: skip
