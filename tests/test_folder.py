@@ -141,6 +141,7 @@ OWN = {
     "core/humanclaw/episodes/recorder.py": "code and weights of installed skills",
     "core/humanclaw/motion/checkpoint.py": "weights that the user named",
     "core/humanclaw/plugins/distributions.py": "a table of this package",
+    "core/humanclaw/plugins/host.py": "entry points of installed packages",
     "core/humanclaw/records/": "streams of the door",
     "core/humanclaw/testing/speed.py": "/proc",
     "core/humanclaw/world/meshes/": "bytes",
