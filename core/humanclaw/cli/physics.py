@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Final
 
 import click
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
 from humanclaw.cli.options import SIMULATOR_HELP, seed_option
 from humanclaw.cli.tables import show_markdown
@@ -25,12 +25,7 @@ _CHECKS: Final = (
 def _bar() -> Progress:
     """Return a progress bar on stderr, so that stdout holds the table alone."""
     console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(30),
-        TextColumn("{task.completed} cases"),
-        TimeElapsedColumn(),
-    )
+    columns = "{task.description}", BarColumn(30), "{task.completed} cases", TimeElapsedColumn()
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 

@@ -212,9 +212,8 @@ def _rate_scenes() -> dict[str, tuple[Scene, Sequence[Command]]]:
 
 def _apart(fixture: Fixture, scene: Scene, commands: Sequence[Command]) -> float:
     """Largest distance between the ends of any two rates."""
-    ends = []
-    for substeps in (2, 4, 8):
-        ends.append(fixture.perform(scene, commands, replace(fixture.profile, substeps=substeps)).simulated.root[-1])
+    profiles = [replace(fixture.profile, substeps=substeps) for substeps in (2, 4, 8)]
+    ends = [fixture.perform(scene, commands, profile).simulated.root[-1] for profile in profiles]
     return float(max(np.linalg.norm(a - b) for a in ends for b in ends))
 
 

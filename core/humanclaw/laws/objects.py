@@ -227,11 +227,9 @@ def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = Tru
 def hinges(fixture: Fixture) -> Iterator[Finding]:
     """Check a door of 25 kg that opens away from the body (shut and ajar), one that would have to be pulled, and one of
     1,000 kg."""
-    opened, held = [], []
-    for place in ({"x": -0.1}, {"x": 0.1}, {"angle": np.radians(30)}, {"angle": np.radians(60)}):
-        opened.append(swing(fixture, **place))
-    for place in ({}, {"angle": np.radians(30)}):
-        held.append(swing(fixture, away=False, **place))
+    places = {"x": -0.1}, {"x": 0.1}, {"angle": np.radians(30)}, {"angle": np.radians(60)}
+    opened = [swing(fixture, **place) for place in places]
+    held = [swing(fixture, away=False, angle=angle) for angle in (0.0, np.radians(30))]
     check, doors = "a door is pushed open", [*opened, *held]
     beyond = max(max(door.angles.max() - 95, -door.angles.min()) for door in doors)
     yield Finding(check, "bodies through it", 100 * sum(d.through for d in opened) / len(opened), "%", low=100)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -49,9 +49,7 @@ class DiTGenerator:
         self._runtime = runtime(base, profile.solver)
 
     @classmethod
-    def load(
-        cls, prior: Path | None = None, profile: str = "default", runtime: RuntimeFactory = NumpyRuntime
-    ) -> DiTGenerator:
+    def load(cls, prior: Path | None = None, profile: str = "default", runtime: RuntimeFactory = NumpyRuntime) -> Self:
         """Read a base checkpoint; None for the one that comes with the package.
 
         profile: a name of PROFILES. runtime: makes what computes the model's output.
@@ -72,11 +70,9 @@ class DiTGenerator:
     def generate(
         self, history: Motion, adapter: Path | None, values: Mapping[str, float], key: Sequence[int]
     ) -> Motion:
-        """Return 15 frames that continue 5, in the frame of the history. The same key gives the same motion, bit for
-        bit.
+        """Return 15 frames that continue 5, as MotionGenerator.generate.
 
-        adapter: a skill's checkpoint, or None for the prior alone. values: each parameter that the adapter's header
-        names, in SI, in any order. key: non-negative integers.
+        adapter: a skill's checkpoint, or None for the prior alone. key: non-negative integers.
         Raises CheckpointError for an adapter that cannot be used with this base or these values.
         """
         return self.generate_batch([history], adapter, [values], [key])[0]

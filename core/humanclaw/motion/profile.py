@@ -19,8 +19,7 @@ from humanclaw.motion.flow import Solver
 from humanclaw.motion.foot_locking import lock_feet
 
 Correction = Callable[[Motion, Motion, Array], Motion]
-"""Maps a history, its future (both in the canonical frame of the chunk) and the usual pose (24, 3) to the corrected
-future."""
+"""Maps a history, its future (canonical frame of the chunk) and the usual pose (24, 3) to the corrected future."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,8 @@ class MotionProfile:
     )
     """What the next chunk continues as well."""
     driven: tuple[Callable[[Motion], Motion], ...] = (lay_hands,)
-    """What only the body is driven through: a model that goes on from corrected hands would meet hands that it has
-    never seen. Frames of the world."""
+    """What only the body is driven through (world frame): hands laid flat in a history made bodies sink as they stood
+    up."""
 
 
 PROFILES: Final = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 import pytest
 
@@ -11,13 +9,11 @@ from humanclaw.body.pose import FPS, Motion, Pose2D, heading, matrix_from_vector
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.checks.motions import gait, glide, sitting_down
 from humanclaw.laws.played import Played, play
-from humanclaw.world.half_physics.profile import Profile
+from humanclaw.world.half_physics.profile import PROFILES, Profile
 from humanclaw.world.joints import GRAVITY
 from humanclaw.world.scene import Scene
 from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Simulator
-
-PROFILES: Final = ("default", "paper", "reference")
 
 
 class BodyConformance:
@@ -39,9 +35,8 @@ class BodyConformance:
         return played
 
     def test_walking_on_a_floor_tracks_the_command_and_does_not_sink(self) -> None:
-        builder = SceneBuilder.on_floor()
         command = gait(4, 0.4)
-        played = self.play(builder.scene(), command)
+        played = self.play(SceneBuilder.on_floor().scene(), command)
         error = np.linalg.norm(played.simulated.joints() - command.joints(), axis=-1)[15:]
         assert error.mean() < 0.02
         assert np.abs(played.simulated.root[-1] - command.root[-1]).max() < 0.05
@@ -98,8 +93,7 @@ class BodyConformance:
         played = self.play(builder.scene(), sitting_down(seat + 0.12, -0.45))
         assert "pelvis" in {contact.joint for contact in played.contacts[-40:] if contact.object_id == couch}
         assert played.simulated.root[-1, 1] == pytest.approx(seat + 0.14, abs=0.02)
-        # The cosine between the pelvis's up axis and the world's.
-        assert matrix_from_vector(played.simulated.rotations[:, 0])[:, 1, 1].min() > 0.99
+        assert matrix_from_vector(played.simulated.rotations[:, 0])[:, 1, 1].min() > 0.99  # Cosine with up.
         assert np.abs(np.diff(played.simulated.root[-15:], axis=0)).max() < 0.0015
 
     def test_who_sat_on_a_high_seat_stands_up_on_straight_legs(self) -> None:
@@ -135,20 +129,18 @@ class BodyConformance:
         assert max(depths) < 0.015
 
     def test_lifted_feet_let_the_body_down_by_gravity_without_a_bounce(self) -> None:
-        builder = SceneBuilder.on_floor()
         command = rest_pose(45)
         for side in ("left", "right"):
             command.rotations[:, JOINT_INDEX[f"{side}_hip"], 0] = -1.7
-        height = self.play(builder.scene(), command).simulated.root[:, 1]
+        height = self.play(SceneBuilder.on_floor().scene(), command).simulated.root[:, 1]
         assert 0.13 < height[-1] < 0.17
         assert -np.diff(height).min() * FPS < np.sqrt(2 * GRAVITY * STANDING_HEIGHT)
         assert np.diff(height[20:]).max() * FPS < 0.1
 
     def test_legs_straightened_at_once_lift_the_body_and_do_not_launch_it(self) -> None:
-        builder = SceneBuilder.on_floor()
         down = sitting_down(0.6, -0.2)
         up = Motion(np.repeat(down.root[:1], 30, 0), rest_pose(30).rotations)
-        height = self.play(builder.scene(), down.then(up)).simulated.root[:, 1]
+        height = self.play(SceneBuilder.on_floor().scene(), down.then(up)).simulated.root[:, 1]
         assert height[75:].max() < STANDING_HEIGHT + 0.05
 
     @pytest.mark.parametrize("seed", range(3))

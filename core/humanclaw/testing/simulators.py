@@ -54,9 +54,8 @@ class SimulatorConformance(ObjectConformance):
         assert raised.value.remedy
 
     def test_a_start_without_a_floor_is_refused_with_a_remedy(self) -> None:
-        builder = SceneBuilder.on_floor()
         with pytest.raises(SceneError, match="does not stay on its start") as raised:
-            self.simulator().reset(builder.scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
+            self.simulator().reset(SceneBuilder.on_floor().scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
         assert raised.value.remedy
 
     def test_a_start_that_is_no_place_is_refused_and_leaves_no_scene(self) -> None:
@@ -75,8 +74,7 @@ class SimulatorConformance(ObjectConformance):
         assert state.body.yaw()[0] == pytest.approx(1.5, abs=0.001)
 
     def test_numbers_that_are_not_finite_are_refused_and_change_nothing(self) -> None:
-        builder = SceneBuilder.on_floor()
-        simulator = self.reset(builder)
+        simulator = self.reset(SceneBuilder.on_floor())
         before = simulator.state().body.root
         broken = rest_pose(15)
         broken.root[3, 1] = np.nan

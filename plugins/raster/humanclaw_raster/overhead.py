@@ -86,9 +86,8 @@ class OverheadMapper:
         column, row = ((place[[0, 2]] - self._map.corner) / self._cell).astype(int).tolist()
         reach = int(_REACH / self._cell)
         # The outermost cells stay empty.
-        first, last = np.clip(
-            [[row - reach, column - reach], [row + reach, column + reach]], 1, np.subtract(self._shape, 1)
-        )
+        corners = (row - reach, column - reach), (row + reach, column + reach)
+        first, last = np.clip(corners, 1, np.subtract(self._shape, 1))
         return slice(first[0], last[0]), slice(first[1], last[1])
 
     def _settle(self, instances: Instances) -> None:

@@ -161,9 +161,8 @@ def _smooth_normals(corners: Floats, places: NDArray[np.int64]) -> Array:
     points: Array = corners.astype(float)
     area = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     mean = np.zeros((3 * len(area), 3))
-    _add_alike(
-        area, _unit(area), np.argsort(places, axis=None, kind="stable"), np.cumsum(np.bincount(places.ravel())), mean
-    )
+    order, ends = np.argsort(places, axis=None, kind="stable"), np.cumsum(np.bincount(places.ravel()))
+    _add_alike(area, _unit(area), order, ends, mean)
     return _unit(mean).reshape(-1, 3, 3)
 
 

@@ -16,7 +16,7 @@ from humanclaw_raster.sky import BOTTOM, TOP
 from humanclaw_raster.surfaces import BRIGHT, DENSITY, KIND, UV
 
 WHITE: Final = 1.15
-"""Brightness that is drawn white."""
+"""Brightness that is drawn white: above the sky's, so that windows keep their colours."""
 FEW: Final = 200
 """Most samples of light on a narrow surface."""
 BRIGHTNESS: Final = WHITE * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3))
@@ -118,7 +118,7 @@ def _outside(model: Model, pinhole: Pinhole, down: float, first: int, end: int, 
         z = points.right[k] * axes[0, 2] + down * axes[1, 2] + axes[2, 2]
         height = np.arctan2(y, np.sqrt(x * x + z * z))
         points.u[k] = np.arctan2(x, z) / (2 * np.pi)
-        points.v[k] = min(max((TOP - height) / (TOP - BOTTOM), 0.01), 0.99)
+        points.v[k] = min(max((TOP - height) / (TOP - BOTTOM), 0.01), 0.99)  # At its ends a texture repeats.
         points.footprint[k], points.texture[k], points.bright[k] = texels, mesh * LEVELS, np.float32(SKY)
 
 
@@ -229,7 +229,7 @@ def _light_near(light: Floats, gbuffer: GBuffer, mean: float, here: float, own: 
     """Return the mean light of the samples around a pixel, weighted by similar depth and by the same surface.
 
     A narrow surface has few samples. Where none is near, it has the mean of its own: that of its neighbours would break
-    it into dashes.
+    it into dashes. A depth that differs by a fortieth halves a sample's weight; another surface leaves a fiftieth.
 
     mean: as from _means. here: inverse depth in the pixel. own: number of its surface.
     """

@@ -201,9 +201,8 @@ def _pinhole(camera: Camera) -> Pinhole:
         right = np.cross(forward, np.eye(3)[2 - np.abs(forward[::-1]).argmin()])
     right /= np.linalg.norm(right)
     focal = camera.height / 2 / np.tan(np.radians(camera.fov) / 2)
-    return Pinhole(
-        np.asarray(camera.position, float), np.stack([right, np.cross(forward, right), forward]), float(focal)
-    )
+    axes = np.stack([right, np.cross(forward, right), forward])
+    return Pinhole(np.asarray(camera.position, float), axes, float(focal))
 
 
 def _sky(camera: Camera) -> NDArray[np.uint8]:

@@ -14,21 +14,22 @@ from humanclaw_raster.packing import PANE, SKIN, WIDE, Floats
 from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND
 
 REACH: Final = 0.25
-"""Largest distance at which surfaces darken each other, metres."""
+"""Largest distance at which surfaces darken each other, metres. Walls behind furniture had dark halos from
+farther; with half of it, four times as strong, a detector trained on photos recognised 8 % fewer targets."""
 DARKEST: Final = 0.4
 """Share of the light that remains in the deepest corner."""
 DEPTH_OF_CORNERS: Final = 2.0
-"""Share of the light lost per occluded share of the neighbourhood."""
+"""Share of the light lost per occluded share of the neighbourhood. With twice as much it recognised 1 to 2 % fewer."""
 RAYS: Final = 8
 """Samples of the neighbourhood per pixel. The 16 pixels of a 4 x 4 square use different sets and are then averaged."""
 NEARBY: Final = 1.0
-"""A thing darkens what is less than this far behind its edge, metres."""
+"""A thing darkens what is less than this far behind its edge, metres. At any distance, doorways would be dark."""
 AROUND: Final = 1 / 16
 """It does so up to this far beside its edge, metres in a picture one metre away."""
 BEHIND: Final = 4.0
 """Share of the light lost there per share by which the neighbourhood is nearer to the eye, ..."""
 MOST: Final = 0.6
-"""... and at most."""
+"""... and at most. 6 % more targets are recognised with it than without."""
 SHADE: Final = 0.4
 """Share of the light that a place loses if the whole cone above it is covered."""
 CONE: Final = 0.6

@@ -1,7 +1,7 @@
-"""What only its mesh can tell of a model: its front, its seat, and its tops.
+"""What only its mesh can tell of a model: its front and its seat.
 
 All of it is read off a map of heights: the mesh seen from above, in cells of 2.5 cm. Frame of the meshes: the asset's
-own.
+own. "Measured" is: on the 18 seats of the generated houses.
 """
 
 from __future__ import annotations
@@ -18,14 +18,17 @@ from humanclaw.world.meshes.hulls import KeepOutBox, surface
 from humanclaw.world.scene import Mesh
 
 CELL: Final = 0.025
+"""Metres: twice the spacing of surface(), so that no cell of a surface stays empty."""
 _MOST: Final = 100.0
-"""Largest side of a mesh, metres."""
+"""Largest side of a mesh, metres: its map has 16 million cells, 128 MB."""
 ANYWHERE: Final = (0.4, 0.85)
 MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
 """Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for
-others."""
-_LEVEL: Final = 0.018
-"""How far from its middle height a surface may be and still be level, metres."""
+others. Measured: couches are level from .32 of their depth to .94, beds from .06 to .96."""
+_CUSHION: Final = 0.035
+"""Metres by which a cushion may rise over the middle of a seat. Measured: .012."""
+_LEVEL: Final = 0.85
+"""Share of a line that must be level to be part of a seat. Measured: .89 where the corner of a couch cuts in."""
 Field = NDArray[np.float64]
 Window = tuple[int, int, int, int]
 
@@ -88,14 +91,15 @@ def back_of(mesh: Mesh) -> str:
     all."""
     height_map = HeightMap.of(mesh)
     heights = height_map.heights
-    a, b, c, d = height_map.part(0.3, 0.7, 0.3, 0.7)
+    a, b, c, d = height_map.part(0.3, 0.7, 0.3, 0.7)  # Between arms, in front of a back.
     seat = float(np.median(heights[a:b, c:d]))
-    rise = np.clip(heights - seat - 0.08, 0, None)
+    rise = np.clip(heights - seat - 0.08, 0, None)  # Pillows are no back.
     if rise.sum() < 1e-6:
         return ""
     x, z = np.meshgrid(*(np.linspace(-1, 1, n) for n in heights.shape), indexing="ij")
     along = float((x * rise).sum() / rise.sum()), float((z * rise).sum() / rise.sum())
     axis = int(abs(along[1]) >= abs(along[0]))
+    # Measured: the least of a back is .48, that of a stool, a table or a bathtub at most .01.
     if abs(along[axis]) < 0.12:
         return ""
     return ("-" if along[axis] < 0 else "+") + "xz"[axis]
@@ -117,9 +121,10 @@ def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
     height_map = HeightMap.of(mesh)
     a, b, c, d = height_map.part(0.35, 0.65, *middle)
     inside = height_map.heights[a:b, c:d]
-    height = round(float(np.median(inside[inside > 0.1])), 3) if (inside > 0.1).any() else 0.0
-    low = height_map.heights < height + 0.035
-    window = height_map.grown((a, b, c, d), low, 0.85) or height_map.grown(
-        height_map.part(0.42, 0.58, 0.5, 0.75), low, 0.85
-    )
+    inside = inside[inside > 0.1]  # Holes, and feet seen through them: nobody sits lower than 10 cm.
+    height = round(float(np.median(inside)), 3) if inside.size else 0.0
+    low = height_map.heights < height + _CUSHION
+    # Where that window is not level, a smaller one may be.
+    windows = (a, b, c, d), height_map.part(0.42, 0.58, 0.5, 0.75)
+    window = next(filter(None, (height_map.grown(each, low, _LEVEL) for each in windows)), None)
     return Seat(height, height_map.box(window, height) if window else None)

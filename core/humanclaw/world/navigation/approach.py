@@ -24,7 +24,8 @@ NEAR: Final = 1.5
 _BATCH: Final = 256
 """Cells that are looked at together; the nearest ones are mostly free."""
 _RADII: Final = (RADIUS, 0.2, SQUEEZE)
-"""Half the widths of the bodies that ways are searched for, metres: the first that comes somewhere counts."""
+"""Half the widths of the bodies that ways are searched for, metres; the second is a body without its arms (38 cm). The
+first that comes somewhere counts."""
 _CORNER: Final = 0.25
 """A front that lies so much further back is that of the open corner of a couch, metres."""
 LEANING: Final = 1.0
@@ -91,7 +92,7 @@ def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoin
             for k in batch[~_walled(grid, scene, points[batch], edge[batch])]:
                 if gap[k] > reach:
                     return
-                reach = min(reach, gap[k] + 0.15)
+                reach = min(reach, gap[k] + 0.15)  # Others so near are as good: the way decides.
                 x, z = points[k].tolist()
                 yield Viewpoint(target, x, z, yaw_of(edge[k] - points[k]), float(gap[k]), floor=grid.floor)
         if reach < np.inf:
@@ -101,7 +102,7 @@ def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoin
 def _walled(grid: OccupancyGrid, scene: Scene, starts: Array, ends: Array) -> Mask:
     """(N,) whether a wall, a window or a door stands between (N, 2) points and (N, 2) others."""
     parts = [obj.id for obj in scene.objects if obj.category in ("wall", "window", "door")]
-    # The last 5 cm do not count: a screen hangs so close to its wall that both share a cell.
+    # The last 5 cm do not count: a screen hangs so close to its wall that both share a cell. NEAR is 60 half cells.
     far = np.linalg.norm(ends - starts, axis=1)
     share = (np.linspace(0.0, 1.0, 60) * np.maximum(0.0, 1.0 - 0.05 / np.maximum(far, 1e-6))[:, None])[..., None]
     lines = starts[:, None] + share * (ends - starts)[:, None]
@@ -119,11 +120,13 @@ def _seats(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint
     sides = (0.0, np.pi / 2, -np.pi / 2) if obj.category == "bed" else (0.0,)
     height = asset.seat_height + obj.position[1] - grid.floor
     others = replace(grid, blocked=grid.blocked & (grid.owners != target))
+    # Room for the elbows first, then for the hips, then farther from the seat, then closer: the first that fits.
     for stand_off, margin in ((STAND_OFF, ARM_ROOM), (STAND_OFF, 0.35), (0.6, 0.35), (0.36, 0.35)):
         seats = [
             Viewpoint(target, float(place[0]), float(place[1]), yaw, stand_off, height, grid.floor)
             for side in sides
             for place, yaw in _along(scene, target, turn, side, stand_off, margin)
+            # The seat itself is the nearest obstacle, and its raster reaches up to two cells beyond it.
             if grid.at(grid.clearance, place) >= min(RADIUS, stand_off - 0.1)
             and others.clear(place, place - stand_off * _facing(yaw)[[0, 2]], 0.2)
         ]

