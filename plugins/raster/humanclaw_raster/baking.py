@@ -16,9 +16,8 @@ from humanclaw_raster.buffers import GOLDEN
 from humanclaw_raster.packing import Floats
 
 SPACING: Final = 0.24
-"""Distance of probes, metres, two voxels. It is larger in scenes that would need more than MOST."""
+"""Distance of probes, metres, two voxels. Larger in scenes that would need more than MOST, whose rays take 80 MB."""
 MOST: Final = 250_000
-"""Their rays take 80 MB while light is baked."""
 RAYS: Final = 40
 """Of a probe. With 640, which take five times as long, brightness differs by .4 %."""
 BOUNCES: Final = 3
