@@ -87,7 +87,7 @@ def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: A
         for first, second in ((a, b), (b, c), (c, a)):
             square = (first[0] - second[0]) ** 2 + (first[1] - second[1]) ** 2 + (first[2] - second[2]) ** 2
             longest = max(longest, square)
-        steps = int(np.sqrt(longest) / (0.6 * size)) + 1
+        steps = int(np.sqrt(longest) / (0.6 * size)) + 1  # So close that no voxel is left out.
         tone = np.uint8(1 + 254 * min(max(albedo[face], 0.0), BRIGHTEST))
         for i in range(steps + 1):
             # Of a row only what lies in the space: a ground may be kilometres wide.

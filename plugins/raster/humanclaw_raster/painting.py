@@ -18,7 +18,7 @@ from humanclaw_raster.surfaces import BRIGHT, DENSITY, KIND, UV
 WHITE: Final = 1.15
 """Brightness that is drawn white: above the sky's, so that windows keep their colours."""
 FEW: Final = 200
-"""Most samples of light on a narrow surface."""
+"""Most samples of light on a narrow surface: a wider one has its own beside each pixel."""
 BRIGHTNESS: Final = WHITE * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3))
 """Brightness of each tone: the film curve, undone."""
 

@@ -309,14 +309,14 @@ def _unblocked(
         cube[first + np.uint64(4)] - cube[first + np.uint64(5)],
     )  # fmt: skip
     lit = nx * east + ny * rise + nz * north
-    if lit < np.float32(0.05) * bright or rise < np.float32(0.02):
+    if lit < np.float32(0.05) * bright or rise < np.float32(0.02):  # Light from all sides, or from no height.
         return ONE
     size = np.float32(SIZE) * np.sqrt(east * east + rise * rise + north * north)
     east, north = (east + size * aside[0]) / rise, (north + size * aside[1]) / rise
     stride, blocked = np.float32(1.5) / np.sqrt(east * east + north * north + np.float32(0.01)), False
     east, north, rise = east * stride, north * stride, stride * np.float32(overhead.cell)
     steps, step = min(int((np.float32(TALLEST + overhead.floors[storey]) - y) / rise), FARTHEST), 1
-    y += np.float32(0.02)
+    y += np.float32(0.02)  # A surface is no obstacle to itself.
     # Up to half a cell aside: pictures from close by would show the cells as steps.
     x, z = x + HALF * aside[0], z + HALF * aside[1]
     while step < steps and not blocked:

@@ -87,6 +87,7 @@ def _climb(tops: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Array:
     steps = np.isfinite(tops) & np.isfinite(reached)
     parts, _ = scipy.ndimage.label(steps, np.ones((3, 3)))
     beside = np.isfinite(upper.ground) & ~upper.blocked
+    # The raster may leave a gap before the floor: a cell in generated houses, here up to three.
     arrives = scipy.ndimage.binary_dilation(beside, iterations=3) & (upper.floor - reached <= STEP) & steps
     return np.where(np.isin(parts, np.unique(parts[arrives])) & steps, reached, np.nan)
 
