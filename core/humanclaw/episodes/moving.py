@@ -57,8 +57,7 @@ class Mover:
         return rise(self.state.body, self._generator.start()) if down else self.history[:0]
 
     def generate(self, owner: Skill | None, part: Control, key: tuple[int, ...]) -> Motion:
-        """Generate the motion of a control, whose command corrects the heading error of earlier calls if the profile
-        says so.
+        """Generate the motion of a control; its command corrects earlier heading errors if the profile says so.
 
         owner: the skill of its adapter, if that is installed. key: seed of its random numbers.
         """

@@ -2,7 +2,8 @@
 
 A chunk passes the corrections in the order of the fields. They act at three places because they need three things. A
 heading has to be corrected in the command: a chunk that is turned afterwards would slide its feet. What the next chunk
-continues is corrected in the frame of the chunk, before physics. What it must not continue is corrected last.
+continues is corrected in the frame of the chunk, before physics. What it must not continue is corrected last. Hands are
+laid once more during simulation, by the profile of half-physics: a seat lifts the thighs (Drive.laid).
 """
 
 from __future__ import annotations
