@@ -39,7 +39,7 @@ STEEP: Final = 0.9
 LEVEL: Final = np.float32(0.2)
 """Least upward component of the normal of a surface on which objects cast shadows."""
 SIZE: Final = 0.25
-"""Radius of the strongest light as seen from one metre away, metres. It makes shadows soft."""
+"""Radius of the strongest light from one metre away, metres: the median window's, seen from the middle of its room."""
 DIRECT: Final = 0.6
 """Largest share of the light that comes from there."""
 FARTHEST: Final = 16
