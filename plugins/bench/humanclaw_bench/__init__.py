@@ -55,7 +55,7 @@ def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
 @hookimpl
 def humanclaw_scenes(register: Register[SceneFactory], plugins: Plugins) -> None:
     about = "A house with a mirror, a double, a gap ...: the scenes of the split `self`."
-    register("self", partial(_staged, plugins), about)
+    register("self", partial(_set_up, plugins), about)
 
 
 @hookimpl
@@ -85,10 +85,10 @@ def _tasks(name: str, options: Options) -> Tasks:
     return tasks(name, options)
 
 
-def _staged(plugins: Plugins, argument: str) -> Scene:
-    from humanclaw_bench.oneself.stages import staged
+def _set_up(plugins: Plugins, argument: str) -> Scene:
+    from humanclaw_bench.oneself.scene_setups import set_up
 
-    return staged(plugins, argument)
+    return set_up(plugins, argument)
 
 
 def _local(workers: int = 1, address: str = "") -> Executor:

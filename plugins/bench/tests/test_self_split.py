@@ -31,9 +31,9 @@ def options(spec):
 
 
 def numbers(spec):
-    """The stage of a question, and the numbers after those of its place."""
-    stage, *values = spec.scene.partition("?")[2].split(",")
-    return stage, list(map(float, values[4:]))
+    """The setup of a question, and the numbers after those of its place."""
+    setup, *values = spec.scene.partition("?")[2].split(",")
+    return setup, list(map(float, values[4:]))
 
 
 # -- the split ---------------------------------------------------------------------------------------------------------
@@ -76,20 +76,20 @@ def test_a_goal_without_things_needs_a_kind_and_an_answer(lacking):
 def by_arithmetic(spec):
     """The answer from the numbers of a scene: a grown body is 50 cm wide, reaches less than 70 cm over an edge, sits
     with feet on the floor up to 50 cm, and touches what is less than 40 cm to its side."""
-    stage, values = numbers(spec)
-    if stage == "hands":
+    setup, values = numbers(spec)
+    if setup == "hands":
         other, cube = np.reshape(values[1:], (2, 3))
         x, y, z = (int(re.search(rf"{axis}_cm (-?\d+)", spec.instruction)[1]) / 100 for axis in "xyz")
         return "yours" if np.linalg.norm(cube - [x, y, z]) < np.linalg.norm(cube - other) else "another's"
-    if stage == "posts":
+    if setup == "posts":
         at, colour = min((abs(at), colour) for at, colour in zip(values, ("red", "blue"), strict=True))
         assert at < 0.4 < max(map(abs, values))
         return f"{colour} on your {'left' if values[colour == 'blue'] > 0 else 'right'}"
-    if stage == "post":
+    if setup == "post":
         return str(45 * round(values[0] / 45))
     limits = {"gap": values and values[0] > 0.5, "shelf": values and values[-1] < 0.7,
               "stool": values and values[0] < 0.5, "cabinet": values and values[0] > 0, "glass": True}  # fmt: skip
-    return "yes" if limits.get(stage) else "no"
+    return "yes" if limits.get(setup) else "no"
 
 
 def test_the_answers_are_those_of_plain_arithmetic():
@@ -121,12 +121,12 @@ def test_a_reference_alone_makes_the_scene_again(plugins):
 
 
 @pytest.mark.parametrize("rest", ["", "moat,0,0,0,0", "post,0,0,0", "post,0,0,0,0", "post,0,0,0,0,x"])
-def test_a_reference_to_no_stage_is_refused(plugins, rest):
-    with pytest.raises(SceneError, match=r"expected self:HOUSE\?STAGE,X,Z,FLOOR,YAW"):
+def test_a_reference_to_no_setup_is_refused(plugins, rest):
+    with pytest.raises(SceneError, match=r"expected self:HOUSE\?SETUP,X,Z,FLOOR,YAW"):
         plugins.scene(f"self:house:0?{rest}")
 
 
-def test_a_stage_stands_in_a_house_of_any_plugin_of_the_host():
+def test_a_setup_stands_in_a_house_of_any_plugin_of_the_host():
     host = Plugins.discover()
     host.add(plugin(scenes=[("toy", toy_world.scene)]), "toy")
     assert len(host.scene("self:toy:0?post,0,0,0,0,90").of_category("post")) == 1

@@ -18,7 +18,7 @@ from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quate
 from humanclaw.records import Goal, name_of
 from humanclaw.skills import Role, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
-from humanclaw_bench.oneself.stages import AHEAD, CUBE, EDGE, reference
+from humanclaw_bench.oneself.scene_setups import AHEAD, CUBE, EDGE, reference
 from humanclaw_bench.splits import HOUSES
 
 STEPS: Final = 10
@@ -97,7 +97,7 @@ class Played:
 class Question:
     """A question without its place."""
 
-    stage: str
+    setup: str
     values: tuple[float, ...]
     words: str
     """With {0} where the first call stands."""
@@ -150,7 +150,7 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
     """Face a mirror; one that shows, half of the time, another person beside the body."""
-    stage = "glass" if wanted == "yes" else "double"
+    setup = "glass" if wanted == "yes" else "double"
     away, left = round(float(rng.uniform(1.35, 1.5)), 2), round(float(rng.uniform(28, 31)), 1)
 
     def read(played: Played, place: Pose2D) -> str:
@@ -161,7 +161,7 @@ def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
         return "yes" if back > 0.98 else "no" if back < 0.95 else ""
 
     words = "the mirror on your left shows a person at first. Is it you?"
-    return Question(stage, (away, left), words, (), read)
+    return Question(setup, (away, left), words, (), read)
 
 
 def _moved(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -297,7 +297,7 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
     places = [place for grid in floors for place in _places(grid, kind.free, rng)]
     for index in rng.permutation(len(places))[:_PLAYED].tolist():
         question, place = kind.draw(wanted, k, rng), places[index]
-        scene = body.plugins.scene(reference(house, question.stage, place, question.values))
+        scene = body.plugins.scene(reference(house, question.setup, place, question.values))
         start = replace(place, yaw=round(float(wrap_angle(place.yaw + question.away)), 3))
         if question.read(_play(body, scene, question, start), place) == wanted:
             told = question.words.format(*(asked.words(body.skills) for asked in question.calls))

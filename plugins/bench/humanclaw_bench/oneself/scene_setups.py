@@ -1,7 +1,7 @@
 """Scenes of the split `self`: a house of val with a few things in it, placed before the body.
 
-A reference holds everything: `self:house:3?glass,1.2,3.4,0,0.785` is house 3 with the stage `glass` before a body at
-x 1.2, z 3.4, floor 0, yaw 0.785. Further numbers are the stage's own.
+A reference holds everything: `self:house:3?glass,1.2,3.4,0,0.785` is house 3 with the setup `glass` before a body at
+x 1.2, z 3.4, floor 0, yaw 0.785. Further numbers are the setup's own.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _RED, _BLUE, _WOOD = (200, 30, 30), (30, 60, 200), (150, 110, 70)
 
 
 @dataclass(frozen=True)
-class Set:
+class Setup:
     """A scene under construction, in the frame of the body: left, up and ahead in metres."""
 
     builder: SceneBuilder
@@ -87,7 +87,7 @@ def _without_shadow(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=vertices, uv=np.append(mesh.uv, mesh.uv[:1], axis=0))
 
 
-def _hands(on: Set, side: float, *at: float) -> None:
+def _hands(on: Setup, side: float, *at: float) -> None:
     """Stand another person beside the body, its inner hand held out, and hang a cube up.
 
     side: metres to the left. at: left, up and ahead of the body, metres, of the hand and of the cube.
@@ -99,7 +99,7 @@ def _hands(on: Set, side: float, *at: float) -> None:
     on.cube((cube[0], cube[1], cube[2]))
 
 
-def _mirror(on: Set, away: float, left: float, turned: float = 0.0) -> None:
+def _mirror(on: Setup, away: float, left: float, turned: float = 0.0) -> None:
     """Put up a mirror that shows oneself; or, turned, another person beside one.
 
     To the eyes of a standing body first views are alike: the mirror has the same edges, and the other stands likewise.
@@ -117,39 +117,39 @@ def _mirror(on: Set, away: float, left: float, turned: float = 0.0) -> None:
         on.person(body, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE)
 
 
-def _cabinet(on: Set, mass: float) -> None:
+def _cabinet(on: Setup, mass: float) -> None:
     """Put a cabinet before the body. mass: kilograms; 0 fixes it."""
     on.box("cabinet", (0.8, 0.9, 0.4), (0.0, 0.0, 0.6), movable=mass > 0, mass=mass)
 
 
-def _post(on: Set, bearing: float) -> None:
+def _post(on: Setup, bearing: float) -> None:
     """Put a red post a metre away. bearing: degrees to the left."""
     left, ahead = np.sin(np.radians(bearing)), np.cos(np.radians(bearing))
     on.box("post", (0.1, 1.5, 0.1), (float(left), 0.0, float(ahead)), _RED)
 
 
-def _posts(on: Set, red: float, blue: float) -> None:
+def _posts(on: Setup, red: float, blue: float) -> None:
     """Put two posts before the body. red, blue: metres to the left."""
     for left, colour in ((red, _RED), (blue, _BLUE)):
         on.box("post", (0.08, 1.4, 0.08), (left, 0.0, 0.9), colour)
 
 
-def _gap(on: Set, width: float) -> None:
+def _gap(on: Setup, width: float) -> None:
     for side in (-1, 1):
         on.box("panel", (0.2, 2.0, 0.3), (side * (width / 2 + 0.1), 0.0, AHEAD))
 
 
-def _shelf(on: Set, height: float, behind: float) -> None:
+def _shelf(on: Setup, height: float, behind: float) -> None:
     """Lay a cube on a deep shelf. behind: metres from its edge."""
     on.box("shelf", (0.6, height, 1.3), (0.0, 0.0, EDGE + 0.65))
     on.cube((0.0, height, EDGE + behind))
 
 
-def _stool(on: Set, height: float) -> None:
+def _stool(on: Setup, height: float) -> None:
     on.box("stool", (0.45, height, 0.4), (0.0, 0.0, AHEAD))
 
 
-_STAGES: Final[Mapping[str, Callable[..., None]]] = {
+_SETUPS: Final[Mapping[str, Callable[..., None]]] = {
     "hands": _hands,
     "glass": _mirror,
     "double": partial(_mirror, turned=-BESIDE / 2),
@@ -157,26 +157,26 @@ _STAGES: Final[Mapping[str, Callable[..., None]]] = {
 }  # fmt: skip
 
 
-def reference(house: str, stage: str, place: Pose2D, values: tuple[float, ...] = ()) -> str:
-    """Return the reference of a scene. values: numbers of the stage."""
+def reference(house: str, setup: str, place: Pose2D, values: tuple[float, ...] = ()) -> str:
+    """Return the reference of a scene. values: numbers of the setup."""
     numbers = (place.x, place.z, place.floor, place.yaw, *values)
-    return f"self:{house}?{','.join((stage, *(f'{number:g}' for number in numbers)))}"
+    return f"self:{house}?{','.join((setup, *(f'{number:g}' for number in numbers)))}"
 
 
-def staged(plugins: Plugins, argument: str) -> Scene:
+def set_up(plugins: Plugins, argument: str) -> Scene:
     """Make the scene of a reference without its `self:`, in a house of any plugin. Raises SceneError for a malformed
     reference."""
     house, _, rest = argument.partition("?")
-    stage, *numbers = rest.split(",")
+    setup, *numbers = rest.split(",")
     try:
         x, z, floor, yaw, *values = map(float, numbers)
-        signature(_STAGES[stage]).bind(None, *values)
+        signature(_SETUPS[setup]).bind(None, *values)
     except (KeyError, TypeError, ValueError) as error:
-        expected = f"self:HOUSE?STAGE,X,Z,FLOOR,YAW and the numbers of a stage ({', '.join(_STAGES)})"
+        expected = f"self:HOUSE?SETUP,X,Z,FLOOR,YAW and the numbers of a setup ({', '.join(_SETUPS)})"
         raise SceneError(f"expected {expected}; got self:{argument}.", "Take one from the split `self`.") from error
     scene: Scene = plugins.scene(house)
     place = Pose2D(x, z, yaw, floor)
-    on = Set(SceneBuilder(dict(scene.assets), list(scene.objects)), place)
-    _STAGES[stage](on, *values)
+    on = Setup(SceneBuilder(dict(scene.assets), list(scene.objects)), place)
+    _SETUPS[setup](on, *values)
     objects, assets = tuple(on.builder.objects), on.builder.assets
     return replace(scene, name=f"self:{argument}", assets=assets, objects=objects, start=place)
