@@ -78,7 +78,7 @@ def play(
     plugins, chosen = _found(target, skill, files, choice)
     calls = [*_before(beginning, plugins), *[_call(chosen, words)] * count]
     backends = Backends(simulator, renderer, generator, sensors=("vision", "body", "touch"), prior=prior)
-    scene = plugins.scene(_staged(chosen, calls[-1], count, beginning) if reference == FLOOR else reference)
+    scene = plugins.scene(_floor_for(chosen, calls[-1], count, beginning) if reference == FLOOR else reference)
     out = out or new_folder(chosen.name)
     name = next(name for name in numbered(f"{chosen.name}-{seed}") if not (out / name).exists())
     spec = free_episode(f"Play {calls[-1]}.", scene, seed=seed, max_steps=len(calls), name=name)
@@ -171,7 +171,7 @@ def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
     raise HumanclawError(f"no skill that {needed} is installed.", "Leave out --from.")
 
 
-def _staged(skill: Skill, call: Call, count: int, beginning: Beginning) -> str:
+def _floor_for(skill: Skill, call: Call, count: int, beginning: Beginning) -> str:
     """Return the floor with what the calls need: a seat, stairs, a wall that they step back to, or room to walk."""
     commanding = [parameter for parameter in skill.parameters if parameter.measure]
     values = {parameter.name: to_si(parameter.key, call.params.get(parameter.key, 0)) for parameter in commanding}
