@@ -29,6 +29,8 @@ class Pinhole(NamedTuple):
     """(3, 3) unit vectors in the world frame; rows: right, down, forward."""
     focal: float
     """Focal length, pixels."""
+    most: Array = np.array([0.0, 0.0, np.inf])
+    """(3,) the greatest inverse depth that is drawn, as rays (right, down, 1) times this."""
 
 
 class Instances(NamedTuple):

@@ -79,7 +79,7 @@ def draw(
         if _hidden(turn, shift, model.spheres[cluster], pinhole.focal, inverse_depth):
             continue
         for face in range(model.clusters[cluster, 0], model.clusters[cluster, 1]):
-            if _triangle(model, turn, shift, pinhole.focal, face, count, inverse_depth, surface):
+            if _triangle(model, turn, shift, pinhole, face, count, inverse_depth, surface):
                 faces[count, 0], faces[count, 1] = face, instance
                 count += 1
     return faces[:count]
@@ -115,25 +115,27 @@ def _extent(middle: float, z: float, radius: float, focal: float, size: int) -> 
 
 @compiled
 def _triangle(
-    model: Model, turn: Array, shift: Array, focal: float, face: int, number: int, inverse_depth: Floats,
+    model: Model, turn: Array, shift: Array, pinhole: Pinhole, face: int, number: int, inverse_depth: Floats,
     surface: NDArray[np.int32],
 ) -> int:  # fmt: skip
     """Draw a triangle and return the number of pixels that it changed."""
+    focal, (x, y) = pinhole.focal, (surface.shape[1] / 2, surface.shape[0] / 2)
+    right, down = pinhole.most[0] / focal, pinhole.most[1] / focal
+    most = right, down, pinhole.most[2] + (0.5 - x) * right + (0.5 - y) * down
     px, py, pz = move_point(turn, shift, model.corners[face, 0])
     qx, qy, qz = move_point(turn, shift, model.corners[face, 1])
     rx, ry, rz = move_point(turn, shift, model.corners[face, 2])
     if pz >= NEAR and qz >= NEAR and rz >= NEAR:
-        x, y = surface.shape[1] / 2, surface.shape[0] / 2
         return _fill(  # type: ignore[no-any-return]
             x + focal * px / pz, y + focal * py / pz, 1 / pz, x + focal * qx / qz, y + focal * qy / qz, 1 / qz,
-            x + focal * rx / rz, y + focal * ry / rz, 1 / rz, number, inverse_depth, surface,
+            x + focal * rx / rz, y + focal * ry / rz, 1 / rz, most, number, inverse_depth, surface,
         )  # fmt: skip
     if pz < NEAR and qz < NEAR and rz < NEAR:
         return 0
     seen, flat, pixels = np.array([[px, py, pz], [qx, qy, qz], [rx, ry, rz]]), np.empty((4, 3)), 0
     for last in range(2, _project(seen, focal, surface.shape, flat)):
         a, b, c = flat[0], flat[last - 1], flat[last]
-        pixels += _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], number, inverse_depth, surface)
+        pixels += _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], most, number, inverse_depth, surface)
     return pixels
 
 
@@ -165,10 +167,12 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
 @compiled
 def _fill(
     x0: float, y0: float, w0: float, x1: float, y1: float, w1: float, x2: float, y2: float, w2: float,
-    number: int, inverse_depth: Floats, surface: NDArray[np.int32],
+    most: tuple[float, float, float], number: int, inverse_depth: Floats, surface: NDArray[np.int32],
 ) -> int:  # fmt: skip
     """Fill a triangle row by row and return the number of pixels that it changed. A pixel belongs to it if its centre
     does.
+
+    most: the greatest inverse depth: its change from pixel to pixel and from row to row, and that of the first pixel.
 
     A pixel centre on the common side of two triangles belongs to exactly one of them.
     """
@@ -196,11 +200,11 @@ def _fill(
         short = x0 + (y - y0) * upper if y < y1 else x1 + (y - y1) * lower
         left = int(np.ceil(max(min(long, short), 0.0) - 0.5))
         right = int(np.ceil(min(max(long, short), float(width)) - 0.5))
-        start = np.float32(corner + row * down)
+        start, limit, along = np.float32(corner + row * down), np.float32(most[2] + row * most[1]), np.float32(most[0])
         for column in range(np.uint64(left), np.uint64(max(left, right))):
             # Without a branch the compiler can vectorize this loop.
             here, before = start + step * np.float32(np.int32(column)), inverse_depth[row, column]
-            nearer = here > before
+            nearer = (here > before) & (here < limit + along * np.float32(np.int32(column)))
             inverse_depth[row, column] = here if nearer else before
             surface[row, column] = number if nearer else surface[row, column]
             pixels += nearer

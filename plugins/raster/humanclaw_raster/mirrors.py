@@ -22,7 +22,7 @@ COARSE: Final = 2
 SEEN: Final = 200
 """Pixels of a mirror from which it reflects."""
 _CLEAR: Final = 0.01
-"""What reaches less far before the glass hides nothing in it, metres: its own frame and wall."""
+"""What is less far before the glass hides nothing in it, metres: its own frame and wall."""
 SHINE: Final = {"mirror": 0.85, "tv": 0.02}
 """Share of the light that glass reflects, by category; screens are coated against it."""
 _DARK: Final = 60
@@ -88,18 +88,15 @@ class Glass(NamedTuple):
         the camera sees in the mirror there."""
         off = self.normal @ pinhole.eye - self.plane
         axes = pinhole.axes - 2 * np.outer(pinhole.axes @ self.normal, self.normal)
-        return Pinhole(pinhole.eye - 2 * off * self.normal, axes, pinhole.focal / COARSE)
+        most = axes @ self.normal / (off + _CLEAR)
+        return Pinhole(pinhole.eye - 2 * off * self.normal, axes, pinhole.focal / COARSE, most)
 
     def before(self, model: Model, instances: Instances, drawn: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """Return (K,) which of the (K, 2) instances and clusters reach before the glass; others hide nothing in it."""
+        """Return (K,) which of the (K, 2) instances and clusters may reach before the glass."""
         instance, sphere = drawn[:, 0], model.spheres[drawn[:, 1]].astype(float)
         way = np.einsum("kij,i->kj", instances.turn[instance], self.normal)
         start = instances.place[instance] @ self.normal - self.plane - _CLEAR
-        reach = start + np.einsum("kj,kj->k", way, sphere[:, :3]) + sphere[:, 3]
-        for k in np.flatnonzero(reach > 0):  # A sphere around a wall reaches far beyond its two sides.
-            first, end = model.clusters[drawn[k, 1]]
-            reach[k] = start[k] + float((model.corners[first:end] @ way[k]).max())
-        return np.asarray((reach > 0) & (instances.id[instance] != self.id))
+        return np.asarray(start + np.einsum("kj,kj->k", way, sphere[:, :3]) + sphere[:, 3] > 0)
 
 
 def _tone(mesh: Mesh, faces: NDArray[np.int32]) -> float:

@@ -55,6 +55,15 @@ def test_a_board_behind_the_eye_appears_in_the_mirror_by_reflection(hall, camera
     assert view.depth[256, 256] == pytest.approx(2.0, abs=1e-4)
 
 
+def test_a_wall_that_goes_on_behind_a_mirror_hides_nothing_in_it(hall, camera):
+    builder, glass = hall
+    eye = camera((0, 1, 0), (0, 0, -1), 512)
+    alone = builder.look(eye)
+    builder.sheet([(-1, -1, -3), (3, -1, -1), (3, 3, -1), (-1, 3, -3)], (0, 0, 0), "wall", BLUE)
+    board = seen(alone, RED) & (alone.ids == glass)
+    assert np.array_equal(seen(builder.look(eye), RED) & board, board)
+
+
 def test_light_falls_on_a_reflected_box_from_the_side_of_the_box(builder, camera):
     """Without lamps, brightness is 0.7 to -Z and 0.85 to +Z, where the glass faces."""
     glass = hang(builder, "mirror")
