@@ -248,3 +248,10 @@ def test_the_others_are_in_the_views_between_two_decisions_too(monkeypatch):
         execution = Execution(way, (), (), {}, people={person_id(1): FAR.to_world(rest_pose(FUTURE))})
         list(two.bodies[0].views_during(Chunk(way, execution), 2))
     assert [list(people) for people in seen] == [[person_id(1)]] * 2
+
+
+def test_a_company_without_bodies_or_with_a_part_too_few_is_refused():
+    with pytest.raises(HumanclawError, match="got no start"):
+        company([])
+    with company() as two, pytest.raises(HumanclawError, match="2 bodies play together; got 1 parts"):
+        two.play([feedbacks("bow")])

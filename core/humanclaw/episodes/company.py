@@ -62,6 +62,8 @@ class Company:
 
         Raises SceneError if a body does not fit on its start, HumanclawError for a simulator whose worlds hold one.
         """
+        if not starts:
+            raise HumanclawError("a company has one body at least; got no start.", "Give each body a start.")
         host = plugins or Plugins.discover()
         chosen = (backends or Backends()).chosen(host)
         place: Scene = host.scene(scene) if isinstance(scene, str) else scene
@@ -81,6 +83,10 @@ class Company:
         A body whose part has ended stands while the others go on. Raises the first error of a part once all have ended.
         Ctrl-C ends every part, as it ends that of one body.
         """
+        if len(parts) != len(self.bodies):
+            raise HumanclawError(
+                f"{len(self.bodies)} bodies play together; got {len(parts)} parts.", "Give each body a part."
+            )
         return self._together([partial(part, body) for part, body in zip(parts, self.bodies, strict=True)])
 
     def join(self) -> None:

@@ -170,8 +170,9 @@ def _touched(tactile: tuple[Touch, ...] | None) -> str:
 
 
 def _quoted(heard: Heard) -> str:
-    """Tell speech as a JSON string: whatever is said, it ends at the quotation mark."""
+    """Tell speech as a JSON string of one line: whatever is said, it ends at the quotation mark."""
     left, _, ahead = heard.at
     sides = ("to your left", "to your right") if abs(left) > abs(ahead) else ("ahead of you", "behind you")
     side = sides[max(left, ahead, key=abs) < 0]
-    return f"The other person, {np.hypot(left, ahead):.0f} m {side}, says: {json.dumps(legible(heard.text))}."
+    words = json.dumps(" ".join(legible(heard.text).split()), ensure_ascii=False)
+    return f"The other person, {np.hypot(left, ahead):.0f} m {side}, says: {words}."

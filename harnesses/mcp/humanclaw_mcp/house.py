@@ -31,10 +31,10 @@ class House:
             free = [number for number in range(1, self.settings.company + 1) if number not in self._taken]
             fitting = [number for number in free if asked in ("", str(number))]
             if not fitting:
-                fault = f"body {asked[:20]} of this house is" if asked else "all bodies of this house are"
+                fault = f"body {asked[:20]!r} of {self.settings.company} is not free" if asked else "no body is free"
                 others = f"Ask for {' or '.join(map(str, free))}, or" if free else "Try again"
                 raise HumanclawError(
-                    f"{fault} not free.", f"{others} once all its sessions have ended: then the house begins anew."
+                    f"{fault} in this house.", f"{others} once all its sessions have ended: then it begins anew."
                 )
             self._taken.add(fitting[0])
             return fitting[0]
