@@ -95,6 +95,7 @@ class SeatedSession(Session):
     """The session of one body of a house: its only episode, since the bodies of a house begin together."""
 
     next_episode = "This house begins anew once all its sessions have ended."
+    moving = "The bodies of this house move together; one that is silent is waited for."
 
     def __init__(self, house: House, number: int, client: str = "") -> None:
         super().__init__(house.plugins, house.settings, nullcontext(), client)

@@ -95,7 +95,6 @@ class Settings:
 
 
 _MAKING: Final = "The body is being made."
-_MOVING: Final = "The body is moving."
 _WAITING: Final = "Another body is moving; this one is next."
 
 
@@ -140,6 +139,7 @@ class Session:
     """A body and its episodes. Thread-safe: requests run one at a time."""
 
     next_episode: ClassVar = "Call reset to begin another."
+    moving: ClassVar = "The body is moving."
 
     def __init__(
         self, plugins: Plugins, settings: Settings, motion_lock: AbstractContextManager[Any], client: str = ""
@@ -223,7 +223,7 @@ class Session:
                 raise HumanclawError("this body has been put away.", "Open a new session.")
             self.doing = _WAITING
             with self._motion_lock:
-                self.doing = _MOVING
+                self.doing = self.moving
                 try:
                     yield
                 finally:
@@ -249,7 +249,7 @@ class Session:
         if self._body is None:
             self.doing = _MAKING
             self._body = Body(self.task.scene, plugins=self._plugins, backends=self._settings.backends())
-            self.doing = _MOVING
+            self.doing = self.moving
         elif self._body.scene.name != self.task.scene:
             self._body.reset(self.task.scene)
         return self._body
