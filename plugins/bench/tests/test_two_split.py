@@ -2,6 +2,7 @@
 
 from collections import Counter
 from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -191,7 +192,9 @@ def test_an_episode_that_broke_off_without_motion_is_scored():
 
 
 # -- played ------------------------------------------------------------------------------------------------------------
-HANDS = [Path(module.__file__) for module in (humanclaw_skill_crouch, humanclaw_skill_hands, humanclaw_skill_say)]
+INSTALLED = {entry.value for entry in entry_points(group="humanclaw")}
+EXTRA = (humanclaw_skill_crouch, humanclaw_skill_hands, humanclaw_skill_say)
+HANDS = [Path(module.__file__) for module in EXTRA if module.__name__ not in INSTALLED]
 
 
 @pytest.mark.integration
