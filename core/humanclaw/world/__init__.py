@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
-    from humanclaw.world.compiling import compiled as compiled, inlined as inlined
+    from humanclaw.world.compiling import compiled as compiled, inlined as inlined, internal as internal
     from humanclaw.world.half_physics.articulated_object import ArticulatedObject as ArticulatedObject
     from humanclaw.world.half_physics.kinematic import Kinematic as Kinematic
     from humanclaw.world.half_physics.profile import (

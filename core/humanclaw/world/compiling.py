@@ -16,6 +16,7 @@ from numba.core.dispatcher import Dispatcher
 
 # Nothing calls through C, and each wrapper takes time to compile.
 _HOW: Final[Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+_INSIDE: Final[Any] = {**_HOW, "no_cpython_wrapper": True}
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -31,13 +32,17 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return njit(nogil=True, **_HOW)(function)  # type: ignore[no-any-return]
 
 
+def internal(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that compiled functions alone call: a way in from Python would take as long as its loops."""
+    return njit(**_INSIDE)(function)  # type: ignore[no-any-return]
+
+
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Let compiled functions use a function as if it were part of them. Only they can call it.
 
     LLVM inlines it: numba's own inlining analyses the caller again for each call, which takes longer to compile.
     """
-    how = {**_HOW, "no_cpython_wrapper": True, "forceinline": True}  # numba's types do not name the first of them.
-    return njit(**how)(function)  # type: ignore[no-any-return]
+    return njit(**_INSIDE, forceinline=True)(function)  # type: ignore[no-any-return]
 
 
 @cache

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.world import compiled
+from humanclaw.world import compiled, internal
 from humanclaw_raster.buffers import GOLDEN
 from humanclaw_raster.packing import Floats
 
@@ -160,7 +160,7 @@ def _shine(space: Voxels, lights: Lights, lit: NDArray[np.bool_], direct: Array)
                     direct[number, 2 * axis + (to[axis] < 0)] += strength * abs(to[axis]) / far
 
 
-@compiled
+@internal
 def _end(solid: NDArray[np.uint8], start: Array, to: Array, share: float, likely: float) -> float:
     """Return how much of the way from a place in voxels along a share of a vector ends at something solid, 1 if none.
 

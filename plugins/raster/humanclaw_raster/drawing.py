@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.world import compiled
+from humanclaw.world import compiled, internal
 from humanclaw_raster.buffers import NEAR, Instances, Pinhole
 from humanclaw_raster.packing import Floats, Model
 
@@ -38,7 +38,7 @@ def in_view(
     return drawn[:count], depth[:count]
 
 
-@compiled
+@internal
 def place_model(instances: Instances, instance: int, pinhole: Pinhole) -> tuple[Array, Array]:
     """Return rotation and shift from the frame of an instance's mesh to that of the camera."""
     turn, shift = np.zeros((3, 3)), np.zeros(3)
@@ -50,7 +50,7 @@ def place_model(instances: Instances, instance: int, pinhole: Pinhole) -> tuple[
     return turn, shift
 
 
-@compiled
+@internal
 def move_point(turn: Array, shift: Array, point: Floats) -> tuple[float, float, float]:
     return (
         turn[0, 0] * point[0] + turn[0, 1] * point[1] + turn[0, 2] * point[2] + shift[0],
@@ -69,10 +69,10 @@ def draw(
     order: (C, 2) as from in_view. Nearest first is fastest, because hidden clusters are then skipped. inverse_depth,
     surface: changed in place.
     """
-    count = 0
+    count = np.int64(0)  # A literal 0 would compile what takes it twice.
     for item in range(order.shape[0]):
         count += model.clusters[order[item, 1], 1] - model.clusters[order[item, 1], 0]
-    faces, count = np.empty((count, 2), np.int32), 0
+    faces, count = np.empty((count, 2), np.int32), np.int64(0)
     for item in range(order.shape[0]):
         instance, cluster = order[item]
         turn, shift = place_model(instances, instance, pinhole)
@@ -85,7 +85,7 @@ def draw(
     return faces[:count]
 
 
-@compiled
+@internal
 def _hidden(turn: Array, shift: Array, sphere: Floats, focal: float, inverse_depth: Floats) -> bool:
     """Return whether all pixels that a sphere may cover already show a nearer surface."""
     x, y, z = move_point(turn, shift, sphere)
@@ -103,7 +103,7 @@ def _hidden(turn: Array, shift: Array, sphere: Floats, focal: float, inverse_dep
     return True
 
 
-@compiled
+@internal
 def _extent(middle: float, z: float, radius: float, focal: float, size: int) -> tuple[int, int]:
     """Return the first pixel that a sphere may cover along one axis of the picture, and the one after the last."""
     low, high = middle - radius, middle + radius
@@ -113,7 +113,7 @@ def _extent(middle: float, z: float, radius: float, focal: float, size: int) -> 
     return int(min(first, float(size))), int(max(last, 0.0))
 
 
-@compiled
+@internal
 def _triangle(
     model: Model, turn: Array, shift: Array, pinhole: Pinhole, face: int, number: int, inverse_depth: Floats,
     surface: NDArray[np.int32],
@@ -139,7 +139,7 @@ def _triangle(
     return pixels
 
 
-@compiled
+@internal
 def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> int:
     """Cut a triangle at the near plane and project it; return the number of its corners.
 
@@ -164,7 +164,7 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
     return count
 
 
-@compiled
+@internal
 def _fill(
     x0: float, y0: float, w0: float, x1: float, y1: float, w1: float, x2: float, y2: float, w2: float,
     most: tuple[float, float, float], number: int, inverse_depth: Floats, surface: NDArray[np.int32],

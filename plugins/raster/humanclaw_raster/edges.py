@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.world import compiled, inlined
+from humanclaw.world import compiled, inlined, internal
 from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Pinhole
 from humanclaw_raster.packing import Floats
 from humanclaw_raster.surfaces import FLAT
@@ -46,7 +46,7 @@ def _unlike(before: NDArray[np.uint8], row: int, column: int, row2: int, column2
     return bool(apart >= ALIKE)
 
 
-@compiled
+@internal
 def _mix(
     scale: np.float32, depth: Floats, surface: NDArray[np.int32], faces: NDArray[np.int32], table: Floats,
     before: NDArray[np.uint8], covered: Floats, rgb: NDArray[np.uint8],
@@ -84,7 +84,7 @@ def _bent(faces: NDArray[np.int32], table: Floats, first: int, second: int) -> b
     return bool(faces[first, 1] == faces[second, 1] and np.float32(0.9) < alike < np.float32(0.9998))
 
 
-@compiled
+@internal
 def _reach(
     scale: np.float32, depth: Floats, surface: NDArray[np.int32], faces: NDArray[np.int32], table: Floats,
     row: int, column: int, row2: int, column2: int,

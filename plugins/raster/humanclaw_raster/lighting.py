@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import Cache, source_digest
-from humanclaw.world import Mesh, SceneObject, compiled, inlined
+from humanclaw.world import Mesh, SceneObject, compiled, inlined, internal
 from humanclaw_raster.baking import Lights, bake, voxels
 from humanclaw_raster.buffers import HALF, TINY, ZERO, Instances
 from humanclaw_raster.packing import LEVELS, Floats, Model
@@ -213,7 +213,7 @@ def _albedo(model: Model, mesh: int, first: int, end: int) -> Array:
     return np.asarray(((0.3 * red + 0.59 * green + 0.11 * blue) / 255) ** 2.2)
 
 
-@compiled
+@internal
 def jitter(light: Light) -> Floats:
     """Return (16, 3) offsets within a probe's cell, metres: the mean of the probes nearest to them lies in between."""
     out = np.empty((16, 3), np.float32)

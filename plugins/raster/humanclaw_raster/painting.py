@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.world import compiled
+from humanclaw.world import compiled, internal
 from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Instances, Pinhole, floats, ints
 from humanclaw_raster.lighting import SKY
 from humanclaw_raster.packing import LEVELS, PANE, Floats, Model
@@ -58,7 +58,7 @@ def paint(
         _light_row(light, means, gbuffer, row, points.light)
         for k in range(width):
             depth[row, k] = points.depth[k] = ONE / gbuffer.inverse_depth[row, k]
-        end = 0
+        end = np.int64(0)  # A literal would compile what takes it twice.
         while end < width:
             first, number = end, surface[end]
             while end < width and surface[end] == number:
@@ -77,7 +77,7 @@ def paint(
                 rgb[row, k, 0], rgb[row, k, 1], rgb[row, k, 2] = sky[row, 0], sky[row, 1], sky[row, 2]
 
 
-@compiled
+@internal
 def _points(count: int) -> _Points:
     """Allocate points. They start as zeros, because _colours also reads points of empty pixels, which stay unset."""
     return _Points(
@@ -87,7 +87,7 @@ def _points(count: int) -> _Points:
     )  # fmt: skip
 
 
-@compiled
+@internal
 def _span(s: Floats, mesh: int, down: float, first: int, end: int, points: _Points) -> None:
     """Prepare successive points of one row of the picture on one surface. s: the surface's row of the table."""
     _, right, light, u, v, bright, footprint, texture = points
@@ -107,7 +107,7 @@ def _span(s: Floats, mesh: int, down: float, first: int, end: int, points: _Poin
         bright[k] = light[k] * (bright0 + b * bright1 + c * bright2)
 
 
-@compiled
+@internal
 def _outside(model: Model, pinhole: Pinhole, down: float, first: int, end: int, points: _Points) -> None:
     """Let points show the sky in the direction in which they are seen: it is far behind the window."""
     mesh, axes = model.levels.shape[0] // LEVELS - 1, pinhole.axes
@@ -122,7 +122,7 @@ def _outside(model: Model, pinhole: Pinhole, down: float, first: int, end: int, 
         points.footprint[k], points.texture[k], points.bright[k] = texels, mesh * LEVELS, np.float32(SKY)
 
 
-@compiled
+@internal
 def _colours(model: Model, points: _Points, count: int, rgb: NDArray[np.uint8]) -> None:
     """Write the colour of each point between four texels, from the size at which a pixel covers about one texel.
 
@@ -154,7 +154,7 @@ def _colours(model: Model, points: _Points, count: int, rgb: NDArray[np.uint8]) 
         rgb[k, 0], rgb[k, 1], rgb[k, 2] = red[k], green[k], blue[k]
 
 
-@compiled
+@internal
 def _between(
     place: Floats, size: NDArray[np.int32], before: NDArray[np.int32], after: NDArray[np.int32], part: Floats
 ) -> None:
@@ -179,7 +179,7 @@ def tones(brightness: Array) -> Array:
     return np.asarray(255 * share**2 * (3 - 2 * share))
 
 
-@compiled
+@internal
 def _blend(
     a: NDArray[np.int32], b: NDArray[np.int32], c: NDArray[np.int32], d: NDArray[np.int32], east: Floats, south: Floats,
     bright: Floats, shift: int, tone: NDArray[np.uint8],
@@ -195,7 +195,7 @@ def _blend(
         tone[k] = np.uint8(value * value * (np.float32(3 * 255) - np.float32(2 * 255) * value) + HALF)
 
 
-@compiled
+@internal
 def _means(light: Floats, gbuffer: GBuffer) -> Floats:
     """Return (K,) the mean light of the samples on each surface; 0 on one without any or with more than FEW."""
     total, count = np.zeros(gbuffer.faces.shape[0], np.float32), np.zeros(gbuffer.faces.shape[0], np.int32)
@@ -210,7 +210,7 @@ def _means(light: Floats, gbuffer: GBuffer) -> Floats:
     return total
 
 
-@compiled
+@internal
 def _light_row(light: Floats, means: Floats, gbuffer: GBuffer, row: int, out: Floats) -> None:
     """Write the light of the pixels of a row: the mean of the samples beside each, weighted where faces differ."""
     surface, inverse_depth = gbuffer.surface, gbuffer.inverse_depth

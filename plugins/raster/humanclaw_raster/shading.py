@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.world import compiled, inlined
+from humanclaw.world import compiled, inlined, internal
 from humanclaw_raster.buffers import GOLDEN, HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats
 from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
 from humanclaw_raster.packing import PANE, SKIN, WIDE, Floats
@@ -68,7 +68,6 @@ class Half(NamedTuple):
     """(H, W) the brightness of a wide face as a whole; zero for other faces."""
 
 
-@compiled
 def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap, lamps: Light) -> Floats:
     """Return (H / 2, W / 2) the share of the light that reaches every second pixel.
 
@@ -179,12 +178,12 @@ def _set_off(half: Half, radius: float, light: Floats) -> None:
         down, aside = int(np.rint(reach * np.sin(GOLDEN * ray))), int(np.rint(reach * np.cos(GOLDEN * ray)))
         a = _within(aside, width // 2, width)
         first, last = abs(a), width - abs(a)
-        edges = np.concatenate((np.arange(first), np.arange(last, width)))
         for row in range(height):
             to = _within(down, row, height)
             z, z1, z2 = half.depth[row], half.things[row - to], half.things[row + to]
             o, before, after = own[row], inverse[row - to], inverse[row + to]
-            for k in edges:
+            for edge in range(2 * first):
+                k = edge if edge < first else edge + last - first
                 by = _within(aside, k, width)
                 taken[row, k] += _nearer(z[k], z1[k - by], z2[k + by], o[k], before[k - by], after[k + by])
             inner, here, there = z[first:last], z1[first - a : last - a], z2[first + a : last + a]
@@ -235,7 +234,7 @@ def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, lamps: Light, s
                 light[row, k] *= bright / half.tone[row, k]
 
 
-@compiled
+@internal
 def _on_map(
     depth: Floats, pinhole: Pinhole, overhead: OverheadMap, down: float, x: Floats, y: Floats, z: Floats,
     storey: NDArray[np.int32],
@@ -265,7 +264,7 @@ def _on_map(
             storey[k] += least < y[k]
 
 
-@compiled
+@internal
 def _cone(
     overhead: OverheadMap, storey: NDArray[np.int32], x: Floats, y: Floats, z: Floats, swing: Floats, out: Floats
 ) -> None:
@@ -374,7 +373,7 @@ def _smoothed(raw: Floats, half: Half) -> Floats:
     return out
 
 
-@compiled
+@internal
 def _same_surface(half: Half, row: int, other: int, first: int, last: int, aside: int, same: Floats) -> None:
     """Write 1 where a pixel of a row and the one aside of it in the other row lie on one surface, otherwise 0.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.world import compiled
+from humanclaw.world import compiled, internal
 from humanclaw_raster.buffers import ZERO, Instances, Pinhole
 from humanclaw_raster.drawing import move_point, place_model
 from humanclaw_raster.lighting import Lit, facing
@@ -52,7 +52,7 @@ def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, face
     return table
 
 
-@compiled
+@internal
 def _place(model: Model, turn: Array, shift: Array, face: int, out: Floats) -> float:
     """Write the barycentric weights and the flat normal. Return -1 if the camera sees the back of the face, else 1."""
     px, py, pz = move_point(turn, shift, model.corners[face, 0])
@@ -73,7 +73,7 @@ def _place(model: Model, turn: Array, shift: Array, face: int, out: Floats) -> f
     return side
 
 
-@compiled
+@internal
 def _shade(model: Model, turn: Array, around: Floats, side: float, face: int, out: Floats) -> None:
     """Write brightness, kind and texture coordinates. around: (6,) as in Lit."""
     out[KIND] = model.kind[face]

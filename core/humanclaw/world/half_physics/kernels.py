@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import FPS, Array
 from humanclaw.body.skeleton import N_JOINTS, OFFSETS, PARENTS
-from humanclaw.world.compiling import compiled, inlined
+from humanclaw.world.compiling import compiled, inlined, internal
 from humanclaw.world.half_physics.skeleton import POINT_JOINTS, POINT_RADII, POINTS, REACH
 
 _OFFSETS, _PARENTS, _REACH = np.array(OFFSETS, float), np.array(PARENTS), np.ascontiguousarray(REACH)
@@ -123,7 +123,7 @@ def link_speed(speeds: Array, way: Array, leaf: float) -> float:
     return min(_reached(speeds), leaf + _reached(late))  # type: ignore[no-any-return]
 
 
-@compiled
+@internal
 def _reached(speeds: Array) -> float:
     """Return a bound of the links' speeds relative to the pelvis, m/s."""
     most, links = 0.0, np.zeros(_REACH.shape[1])
@@ -222,7 +222,7 @@ def _meet(low: Array, high: Array, other_low: Array, other_high: Array, slack: f
     return True
 
 
-@compiled
+@internal
 def _way(box: Array, low: Array, high: Array, full: bool) -> float:
     """Return how far a link with a box (5, 3) comes towards another box."""
     gap, way = -np.inf, 0.0
