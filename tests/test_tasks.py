@@ -26,6 +26,14 @@ from humanclaw.records import ALIASES, category_of, instruction, targeted, wants
         ("find the tv on the other side of the couch", "tv"),
         ("find the bed with a plant on it", "bed"),
         ("find the tv behind the big old dusty plant", "tv"),
+        ("find the bed instead of the couch", "bed"),
+        ("stand next to the bed facing the television", "bed"),
+        ("skip the television, go to the bed", "bed"),
+        ("find the tv on top of the commode", "tv"),
+        ("go through the door beyond the potted plant to the tv", "tv"),
+        ("do not go to the couch but to the bed", "bed"),
+        ("find the tv. The potted plant is in front of it", "tv"),
+        ("take a seat on the bed", "bed"),
         ("find the door", ""),
     ],
 )
@@ -54,6 +62,13 @@ def test_the_instruction_for_a_category_names_it(category):
         ("go to the toilet seat", False),
         ("find a couch and be seated", True),
         ("do not forget to sit on the couch", True),
+        ("do not hesitate to sit on the couch", True),
+        ("do not touch the chair while you sit on the couch", True),
+        ("do not sit until you reach the couch", True),
+        ("go to the couch, there is no need to sit", False),
+        ("you cannot sit on it", False),
+        ("stand, rather than sit", False),
+        ("go to the sitting room couch", False),
     ],
 )
 def test_who_is_told_not_to_sit_is_not_asked_to(words, sits):

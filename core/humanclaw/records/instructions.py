@@ -24,39 +24,36 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 _ALIAS: Final = "|".join(sorted((alias for words in ALIASES.values() for alias in words), key=len, reverse=True))
 _THE: Final = r"(?:(?:the|a|an|your|that|this)\s+)?"
 _RELATION: Final = (
-    "behind|past|beside|near|by|under|above|below|over|around|opposite|facing|between|with|without|from|not|leave|"
-    r"(?:next|close)\s+to|in\s+front\s+of|(?:left|right|side)\s+of"
+    "behind|beyond|past|passing|beside|near|by|under|above|below|over|around|opposite|facing|between|with|without|"
+    r"from|leave|skip|ignore|(?:next|close)\s+to|(?:front|top|left|right|side|instead)\s+of|rather\s+than|"
+    r"not(?:\s+(?:go|walk)\s+to)?"
 )
 # Up to three adjectives stand before a noun, and none is "to": "past the door to the bed" means the bed.
 _LANDMARK: Final = re.compile(
     rf"\b(?:{_RELATION})\s+{_THE}(?:(?!to\b)\w+\s+){{0,3}}?(?:{_ALIAS})s?\b(?:\s+and\s+{_THE}(?:{_ALIAS})s?\b)?"
 )
-_SIT: Final = r"(?:sit|sitting|(?:be|get)\s+seated|(?:take|taking|have)\s+a\s+seat)\b"
-# "Do not forget to sit" and "do not stop and sit" ask to.
+_SIT: Final = r"(?:sit|sitting(?!\s+room)|(?:be|get)\s+seated|(?:take|taking|have)\s+a\s+seat)\b"
+# "Do not forget to sit", "do not stop and sit" and "do not sit until you are there" ask to.
 _REFUSED_SEAT: Final = re.compile(
-    r"(?:\bnot|n['\u2019]t|\bdont|\bnever|\bwithout|\bavoid|\brefuse)\s+"
-    rf"(?:(?!forget|fail|until|before|and|then|but)\w+\s+){{0,5}}?{_SIT}"
+    r"(?:\b(?:can)?not|n['\u2019]t|\bdont|\bnever|\bwithout|\bavoid|\brefuse|\brefrain|\brather\s+than|\bno(?:\s+need)?)\s+"
+    rf"(?:(?!forget|fail|hesitate|until|before|while|when|and|then|but)\w+\s+){{0,5}}?{_SIT}"
+    r"(?!(?:\s+\w+){0,4}?\s+(?:until|before)\b)"
 )
 
 
 def category_of(instruction: str) -> str:
-    """Return the target category that an instruction names, by its longest alias; empty if it names none.
+    """Return the target category that an instruction names first; empty if it names none.
 
     A thing that only says where another one is, or that is passed or left, is the target only if there is no other:
     "the tv behind the plant" means a tv.
     """
-    words = instruction.lower()
+    words = re.sub(_SIT, " ", instruction.lower())  # Who takes a seat on the bed looks for no chair.
     return _named_in(_LANDMARK.sub(" ", words)) or _named_in(words)
 
 
 def _named_in(words: str) -> str:
-    matches = [
-        (len(alias), category)
-        for category, aliases in ALIASES.items()
-        for alias in aliases
-        if re.search(rf"\b{re.escape(alias)}s?\b", words)
-    ]
-    return max(matches)[1] if matches else ""
+    first = re.search(rf"\b({_ALIAS})s?\b", words)
+    return next((category for category, aliases in ALIASES.items() if first and first[1] in aliases), "")
 
 
 def require_words(instruction: str) -> None:

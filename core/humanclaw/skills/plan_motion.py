@@ -91,7 +91,7 @@ def part_motion(
 ) -> tuple[Motion, tuple[str, ...]]:
     """Return the motion of a part over the last frame of a pose, within the limits of joints, and what it could not do.
 
-    palms: as for wanted. The words continue "Your body could not do all of it: ". How far a hand stays
+    palms: as for unlimited_motion. The words continue "Your body could not do all of it: ". How far a hand stays
     short is felt afterwards."""
     if isinstance(part, Speech):
         return part.over(pose), ()

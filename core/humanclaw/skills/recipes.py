@@ -140,5 +140,5 @@ class Recipe:
     stays_seated: bool = False
     """Whether a body that sits stays seated; otherwise it rises."""
     retimed: bool = False
-    """Whether its clips are also played at other paces, backwards and with halts, over keep_feet feet: for a posture or
+    """Whether its clips are also played at other paces, backwards and with halts, over feet that stay: for a posture or
     a gesture."""

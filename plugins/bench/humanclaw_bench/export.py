@@ -149,11 +149,13 @@ def _action(step: StepRecord, names: Sequence[str]) -> Any:
 
 
 def _numbers(call: Call) -> dict[str, float]:
-    """Return the parameters of a call by column of the action."""
+    """Return the parameters of a call by column of the action: a text and each entry of a list has its own."""
     columns: dict[str, float] = {}
     for key, value in call.params.items():
-        name = f"{call.skill}.{key}"
-        columns |= {f"{name}={value}": 1.0} if isinstance(value, str) else {name: float(value)}
+        several = value if isinstance(value, (list, tuple)) else None
+        for name, each in [(key, value)] if several is None else [(f"{key}.{k}", v) for k, v in enumerate(several)]:
+            column = f"{call.skill}.{name}"
+            columns |= {f"{column}={each}": 1.0} if isinstance(each, str) else {column: float(each)}
     return columns
 
 

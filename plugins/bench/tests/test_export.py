@@ -139,7 +139,7 @@ class FakeDataset:
     finalize = save_episode
 
 
-def test_a_text_parameter_has_a_column_for_each_of_its_texts(tmp_path, monkeypatch):
+def test_a_text_and_each_entry_of_a_list_have_columns(tmp_path, monkeypatch):
     made = []
 
     def create(features, **_):
@@ -149,9 +149,10 @@ def test_a_text_parameter_has_a_column_for_each_of_its_texts(tmp_path, monkeypat
     fake = types.SimpleNamespace(LeRobotDataset=types.SimpleNamespace(create=create))
     monkeypatch.setitem(sys.modules, "lerobot.datasets.lerobot_dataset", fake)
     monkeypatch.setattr(RecordedEpisode, "picture", lambda self, step: np.zeros((4, 4, 3), np.uint8))
-    steps = [step("wave", params={"hand": hand, "times": 2}) for hand in ("left", "right")]
+    steps = [step("wave", params={"hand": hand, "times": 2, "at": [3, 4.5]}) for hand in ("left", "right")]
     rollout(tmp_path / "run", [*steps, step("stop")])
     to_lerobot(tmp_path / "run", tmp_path / "dataset")
     names = made[0].features["action"]["names"]
-    assert names[-3:] == ["wave.hand=left", "wave.hand=right", "wave.times"]
-    assert [frame["action"][-3:].tolist() for frame in made[0].frames] == [[1, 0, 2], [0, 1, 2], [0, 0, 0]]
+    assert names[-5:] == ["wave.at.0", "wave.at.1", "wave.hand=left", "wave.hand=right", "wave.times"]
+    actions = [frame["action"][-5:].tolist() for frame in made[0].frames]
+    assert actions == [[3, 4.5, 1, 0, 2], [3, 4.5, 0, 1, 2], [0, 0, 0, 0, 0]]
