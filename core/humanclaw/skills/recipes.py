@@ -134,9 +134,9 @@ class Recipe:
     commands: Mapping[str, Draw] = field(default_factory=dict)
     """By name of the parameter behind the contract, as in Control.values."""
     share: float = 1.0
-    """How often the skill follows another one in synthetic sequences, beside the other skills (above 0),"""
+    """How often the skill follows another one in synthetic sequences, beside the other skills (.01 or more),"""
     repeats: float = 0.4
-    """and how often itself."""
+    """and how often itself (0 to below 1)."""
     stays_seated: bool = False
     """Whether a body that sits stays seated; otherwise it rises."""
     retimed: bool = False

@@ -339,8 +339,15 @@ def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt(profiles):
     assert asked.params[:, 0].max() < 0.27
 
 
-@pytest.mark.parametrize("share", [0.0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("share", [0.0, -1.0, 1e-9, float("nan"), float("inf")])
 def test_a_recipe_that_is_never_drawn_is_refused(share):
     recipe = Recipe("stroll", gait=GaitParameters(), share=share)
-    with pytest.raises(HumanclawError, match=r"recipe of stroll has share=.*, expected a number above 0"):
+    with pytest.raises(HumanclawError, match=r"recipe of stroll has share=.*, expected a share of \.01 or more"):
+        Trained(recipe, Skill.of_schema("stroll", STROLL))
+
+
+@pytest.mark.parametrize("repeats", [-3.0, 1.0, float("nan")])
+def test_a_recipe_that_repeats_no_share_of_the_time_is_refused(repeats):
+    recipe = Recipe("stroll", gait=GaitParameters(), repeats=repeats)
+    with pytest.raises(HumanclawError, match=r"repeats from 0 to below 1"):
         Trained(recipe, Skill.of_schema("stroll", STROLL))

@@ -48,9 +48,12 @@ class Trained:
     """Known measures: the core's and those of plugins."""
 
     def __post_init__(self) -> None:
-        if self.synthetic and not 0 < self.recipe.share < math.inf:  # Its chunks would never be complete.
+        recipe = self.recipe
+        # Drawn more rarely, its chunks would hardly ever be complete; always repeated, those of no other skill.
+        if self.synthetic and not (0.01 <= recipe.share < math.inf and 0 <= recipe.repeats < 1):
             raise HumanclawError(
-                f"The recipe of {self.name} has share={self.recipe.share}, expected a number above 0.",
+                f"The recipe of {self.name} has share={recipe.share} and repeats={recipe.repeats}, expected a share "
+                "of .01 or more and repeats from 0 to below 1.",
                 "Give it one such as 1.0, or no gait if its motion is not to be synthesised.",
             )
 
