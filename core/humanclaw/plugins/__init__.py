@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         hookspec as hookspec,
         noun as noun,
     )
-    from humanclaw.plugins.host import Plugins as Plugins
+    from humanclaw.plugins.host import Plugins as Plugins, package_in as package_in
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)

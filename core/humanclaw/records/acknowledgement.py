@@ -1,4 +1,4 @@
-"""Decide whether a sentence says that the target is in view: the text rule of FindSR (paper, section 4.1).
+"""Decide whether a sentence says that the target is in view: the text rule of FindSR (paper, section 4.2).
 
 Models write freely, so this is a rule of thumb. It is the same for every agent, and complete in this module.
 """

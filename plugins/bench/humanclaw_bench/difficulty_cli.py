@@ -47,6 +47,11 @@ def difficulty(name: str, out: Path | None, renderer: str) -> None:
 
 def picture(specs: Sequence[EpisodeSpec], plugins: Plugins, renderer: str) -> Image.Image:
     """Draw a histogram of each dimension above the route of an episode of each tier. Raises HumanclawError."""
+    for spec in specs:
+        if not spec.start or not spec.target_ids:
+            lost = "target_ids" if spec.start else "start"
+            problem = f"a route goes from start to target_ids; episode {spec.id!r} has no {lost}."
+            raise HumanclawError(problem, "Give it both, or leave out --out.")
     sheet = Image.new("RGB", (SIDE * len(TIERS), 2 * SIDE + _TITLE), "white")
     counts = Counter(overall(spec.difficulty) for spec in specs if spec.difficulty)
     drawing: Renderer = plugins.make("renderers", renderer)

@@ -15,7 +15,7 @@ from typing import Any, Final
 import humanclaw
 from humanclaw import Choice, EpisodeSpec, Plugins, RecordError
 from humanclaw.cli import check_options
-from humanclaw.plugins import PluginInfo, noun, own
+from humanclaw.plugins import PluginInfo, noun, own, package_in
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.isolation.deciders import PROCESS
 from humanclaw_bench.verification import MANIFEST, read_manifest, split_digest
@@ -89,7 +89,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
         **{key: value for key, value in asdict(job).items() if key not in UNTOLD},
         "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
         "versions": _versions(specs, job, plugins),
-        "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},
+        "plugin files": {path.name: _digest_of(path) for path in map(package_in, map(Path, job.files))},
         "weights": {"base": base} | adapters,
         **{key: value for key, value in unusual.items() if value},
     }
@@ -109,6 +109,17 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
     }
     versions = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}
     return {"humanclaw": humanclaw.__version__} | versions
+
+
+def _digest_of(plugin: Path) -> str:
+    """Return the digest of a plugin's file, or of its package's names and contents but for caches."""
+    if not plugin.is_dir():
+        return _digest(plugin.read_bytes())
+    names = (path.relative_to(plugin) for path in plugin.rglob("*") if path.is_file())
+    kept = sorted(
+        name.as_posix() for name in names if not any(part.startswith((".", "__pycache__")) for part in name.parts)
+    )
+    return _digest("".join(f"{name} {_digest((plugin / name).read_bytes())}\n" for name in kept).encode())
 
 
 def _digest(data: bytes) -> str:

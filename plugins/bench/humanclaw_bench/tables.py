@@ -50,7 +50,7 @@ HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS, REFUSED)
 TELLING: Final = 0.1
 """Relevant difference, which the verdict "noise" must exclude: absolute for shares, else relative to the mean."""
 PAPER_NOTE: Final = (
-    f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
+    f"{MARK} From the paper's numbers, for reference: other scenes (HSSD), another body and other weights. "
     "Do not compare it with rows of your own."
 )
 INTERVAL_NOTE: Final = (
@@ -161,8 +161,9 @@ def _places(column: Column, values: Sequence[float]) -> list[int]:
     shown = [column.number(value) for value in values]
     finite = {text: value for text, value in zip(shown, values, strict=True) if np.isfinite(value)}
     order = sorted(finite, key=lambda text: finite[text], reverse=column.better == "higher") if column.better else []
-    # Where all rows are alike there is no best.
-    return [order.index(text) + 1 if len(order) > 1 and text in order[:2] else 0 for text in shown]
+    # The worst value of a column has no mark: where all rows are alike there is no best, and of two values no second.
+    marked = order[:-1][:2]
+    return [marked.index(text) + 1 if text in marked else 0 for text in shown]
 
 
 def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Estimate, ...]:

@@ -28,6 +28,7 @@ from humanclaw import (
     Scene,
     StepRecord,
 )
+from humanclaw.plugins import package_in
 from humanclaw.records import MOTION_BYTES, Outcome, Refusal, Usage, close_record
 from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
@@ -242,7 +243,7 @@ class Worker:
 
 def _beside_the_body(job: Job) -> Plugins:
     """Load the plugins of a job, but for those that bring agents and verifiers alone."""
-    files = [Path(file) for file in job.files if str(Path(file)) not in job.absent]
+    files = [path for path in map(package_in, map(Path, job.files)) if str(path) not in job.absent]
     return Plugins.discover(files, job.choice, absent=job.absent)
 
 

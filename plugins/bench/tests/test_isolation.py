@@ -188,6 +188,17 @@ def test_of_two_files_of_one_name_the_deciding_one_stays_away(tmp_path):
         assert RecordedEpisode(folder / "toy-0").record.outcome == "stopped"
 
 
+def test_an_agent_in_a_folder_stays_away_from_the_body(tmp_path):
+    package = tmp_path / "project" / "humanclaw_own"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(HEAD + PLAIN + PATCH)
+    files = (toy_world.FILE, str(package.parent))
+    plugins = Plugins.discover([Path(file) for file in files])
+    job = Job("own", {}, backends=TOY, files=files)
+    assert run_split(toy_world.specs(1), job, LocalExecutor(1), tmp_path / "run", plugins=plugins).done == 1
+    assert RecordedEpisode(tmp_path / "run" / "toy-0").record.outcome == "stopped"
+
+
 def test_records_are_the_same_on_both_sides_of_the_wall(play):
     _, apart = play(PLAIN, 3, name="apart")
     _, beside = play(PLAIN, 3, name="beside", in_process=True)

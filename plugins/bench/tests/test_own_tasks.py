@@ -72,6 +72,23 @@ def test_the_function_decides_who_succeeds_and_says_why_not(run, file):
     assert "cause" not in lines["near"]
 
 
+def test_a_plugin_may_be_a_folder_whose_caches_do_not_count(file, tmp_path):
+    folder = tmp_path / "project" / "humanclaw_mine"
+    folder.mkdir(parents=True)
+    shutil.copy(file, folder / "__init__.py")
+    digests = []
+    for number in range(3):
+        out = tmp_path / f"run-{number}"
+        words = ("--split", "stopped_ahead", "--plugin", folder.parent, *TOYS, "--agent", "walker", "--out", out)
+        call("run", *words, "--in-process")
+        digests.append(json.loads((out / "run.json").read_text())["plugin files"]["humanclaw_mine"])
+        (folder / "__pycache__").mkdir(exist_ok=True)
+        (folder / "__pycache__" / f"{number}.pyc").write_bytes(b"")
+        if number == 1:
+            (folder / "more.py").write_text("")
+    assert digests[0] == digests[1] != digests[2]
+
+
 def test_a_run_of_an_own_task_is_verified_and_replayed(run):
     told = call("verify", run, "--replay", "--plugin", toy_world.FILE)
     assert "2 of 2 episodes came out the same" in told

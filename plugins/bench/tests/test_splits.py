@@ -282,6 +282,16 @@ def test_histograms_and_a_route_of_each_tier_are_one_picture(tmp_path):
         assert picture.size == (1200, 830)
 
 
+@pytest.mark.parametrize(("lost", "field"), [({"start": None}, "start"), ({"target_ids": ()}, "target_ids")])
+def test_a_route_without_its_ends_is_told_so(tmp_path, lost, field):
+    easy = typical(load_split("val"), "easy")
+    write_episodes(tmp_path / "own.jsonl", [easy.model_copy(update=lost)])
+    words = ["difficulty", "--split", str(tmp_path / "own.jsonl"), "--out", str(tmp_path / "figure.png")]
+    done = CliRunner().invoke(bench, words)
+    assert isinstance(done.exception, HumanclawError)
+    assert f"has no {field}" in str(done.exception)
+
+
 def test_a_split_without_difficulties_is_told_so():
     done = CliRunner().invoke(bench, ["difficulty", "--split", "self"])
     assert isinstance(done.exception, HumanclawError)

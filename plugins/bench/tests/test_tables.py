@@ -607,3 +607,14 @@ def test_the_best_and_second_best_of_three_runs_are_marked(base: Scores):
     assert "75.0%\u00b9 [" in markdown(table)
     assert r"\textbf{75.0\%}" in latex(table)
     assert result_table("variants", less[:2], paper=False).rows[0].ranks == ()
+
+
+@pytest.mark.parametrize(("passed", "ranks"), [((4, 0, 0), [1, 0, 0]), ((4, 4, 0), [1, 1, 0]), ((4, 0, 2), [1, 0, 2])])
+def test_the_worst_value_of_a_column_has_no_mark(base: Scores, passed, ranks):
+    runs = [
+        replace(run, scores=tuple(replace(one, nav=index < count) for index, one in enumerate(run.scores)))
+        for run, count in zip(results_of(base, "a", "b", "c"), passed, strict=True)
+    ]
+    table = result_table("variants", runs, paper=False)
+    at = [column.name for column in table.columns].index("NavSR")
+    assert [row.ranks[at] for row in table.rows] == ranks
