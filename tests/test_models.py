@@ -536,6 +536,26 @@ def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, 
     assert model.left_out == told
 
 
+@pytest.mark.parametrize(
+    ("code", "names"), [("latin-1", "üä"), ("cp1251", "жд"), ("shift-jis", "壁表"), ("utf-8", "жд")]
+)
+def test_materials_keep_their_names_in_any_code(tmp_path: Path, code: str, names: str) -> None:
+    one, two = names
+    (tmp_path / "m.mtl").write_bytes(f"newmtl T{one}\nKd 1 0 0\nnewmtl T{two}\nKd 0 1 0\n".encode(code))
+    faces = f"usemtl T{one}\nf 1 2 3\nusemtl T{two}\nf 3 2 1\n"
+    (tmp_path / "model.obj").write_bytes(f"mtllib m.mtl\n{TRIANGLE}{faces}".encode(code))
+    assert [part.colour for part in read_model(tmp_path / "model.obj").parts] == [(255, 0, 0), (0, 255, 0)]
+
+
+def test_comments_and_odd_colours_lose_no_other_material(tmp_path: Path) -> None:
+    (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0 0 # red\nnewmtl b\nKd xyz 1 1 1\nnewmtl c\nKd 0 1 0#green\n")
+    faces = "usemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1 2 3\nusemtl c\nf 1 2 3\n"
+    (tmp_path / "model.obj").write_text(f"mtllib m.mtl\n{TRIANGLE}vt 0 0 # place\n{faces}")
+    model = read_model(tmp_path / "model.obj")
+    assert [part.colour for part in model.parts] == [(255, 0, 0), (102, 102, 102), (0, 255, 0)]
+    assert model.left_out == ("lines that cannot be read (m.mtl): 1",)
+
+
 def test_every_table_of_materials_that_an_obj_names_is_read(tmp_path: Path) -> None:
     """Names may have blanks, or be a path on another disk. The picture is scaled by 2 and 3, and moved by 1."""
     (tmp_path / "my red.mtl").write_text("newmtl Red one\nKd 1 0 0\n")

@@ -19,6 +19,8 @@ _MATERIALS: Final = 3000
 """Maximum materials: each becomes a part."""
 _OPTION: Final = re.compile(r"-(?:([ost])((?:\s+[-+]?\.?\d[-+.\de]*){1,3})|mm\s+\S+\s+\S+|\w+\s+\S+)\s+")
 """An option before the name of a picture: s scales it, o moves it."""
+_CONTINUED: Final = re.compile(r"(?<![^\0-\x7f])\\\n")
+"""The end of a line that goes on. Behind a letter, a backslash is the second half of one in Shift-JIS."""
 
 Corner = tuple[int, int]
 """Numbers of its vertex and its uv; -1 for no uv."""
@@ -30,7 +32,7 @@ def obj_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -
     Raises SceneError for a corner that it does not have, and for more materials than it may have.
     """
     file = _File(beside, lost)
-    for line in re.sub(r"\\\r?\n", " ", text_of(data)).splitlines():
+    for line in _CONTINUED.sub(" ", text_of(data)).split("\n"):
         file.take(line)
     if len(file.polygons) > _MATERIALS:
         raise SceneError(f"it has more than {_MATERIALS:,} materials.", "Join those that look alike.")
@@ -77,13 +79,14 @@ class _File:
     def take(self, line: str) -> None:
         """Take a line of an OBJ or MTL file."""
         word, _, rest = line.replace("\t", " ").strip().partition(" ")
+        numbers = rest.partition("#")[0].split()
         match word.lower():
             case "v":
-                self.vertices.append(rest.partition("#")[0].split())
+                self.vertices.append(numbers)
             case "vt":
-                self.uvs.append(rest.split())
+                self.uvs.append(numbers)
             case "f" | "fo":
-                corners = [self._corner(word) for word in rest.partition("#")[0].split()]
+                corners = [self._corner(word) for word in numbers]
                 self.polygons[self.current, all(uv >= 0 for _, uv in corners)].append(corners)
             case "l" | "p":
                 self.lost["lines and points"] += 1
@@ -95,7 +98,7 @@ class _File:
             case "newmtl":
                 self.told = rest.strip()
             case "kd":
-                values = [min(max(float(number), 0.0), 1.0) for number in rest.replace(",", ".").split()]
+                values = [min(max(float(number.replace(",", ".")), 0.0), 1.0) for number in numbers]
                 red, green, blue = (values * 3)[:3]  # One number is a grey.
                 self.materials[self.told].colour = round(255 * red), round(255 * green), round(255 * blue)
             case "map_kd":
@@ -103,10 +106,15 @@ class _File:
 
     def _library(self, name: str) -> None:
         try:
-            for line in text_of(self.beside(name)).splitlines():
-                self.take(line)
+            lines = text_of(self.beside(name)).split("\n")
         except (OSError, ValueError):
             self.lost[f"files that cannot be read ({name})"] += 1
+            return
+        for line in lines:
+            try:
+                self.take(line)
+            except ValueError:  # As of a Kd of a spectrum.
+                self.lost[f"lines that cannot be read ({name})"] += 1
 
     def _corner(self, word: str) -> Corner:
         point, place, *_ = *word.split("/"), ""

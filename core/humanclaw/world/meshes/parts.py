@@ -79,8 +79,15 @@ def mean_colour(values: NDArray[Any], lost: Counter[str]) -> tuple[int, int, int
 
 
 def text_of(data: bytes) -> str:
-    """Return a model in text, in UTF-8 or UTF-16. Raises SceneError for decimal commas."""
-    text = data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig", "replace")
+    """Return a model in text, its lines ended by \\n alone. Raises SceneError for decimal commas.
+
+    What is neither UTF-8 nor UTF-16 is read as Latin-1, in which the names of any other code stay apart.
+    """
+    try:
+        text = data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     if re.search(r"(?m)^\s*v(?:ertex)?\s[^\n]*\d,\d", text):
         raise SceneError("its numbers have decimal commas.", "Export it with decimal points.")
     return text

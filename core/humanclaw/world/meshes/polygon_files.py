@@ -136,7 +136,7 @@ def _names(rows: Rows) -> set[str]:
 # -- the others --------------------------------------------------------------------------------------------------------
 def off_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
     """Yield the triangles of an OFF file, whose colours and normals are left out. lost: counts what else is."""
-    text = "\n".join(line.partition("#")[0] for line in text_of(data).splitlines())
+    text = "\n".join(line.partition("#")[0] for line in text_of(data).split("\n"))
     head, *rows = [words for line in re.sub(r"^\s*(ST)?C?N?OFF", "", text).splitlines() if (words := line.split())]
     if not head[0].isdecimal():
         raise ValueError(f"it must be an OFF file in text; it begins with {head[0][:20]!r}")
