@@ -219,6 +219,17 @@ def test_a_squat_with_a_root_in_another_unit_is_refused(tmp_path, unit, share):
         retarget(load(tmp_path / "squat.npz"))
 
 
+def test_a_body_that_sways_in_another_unit_is_refused(tmp_path):
+    """Hips that move by 5 cm in a second, or 5 m: too still to walk, so that no step tells the unit."""
+    still = rest_pose(30)
+    for unit in (1, 100):
+        sways = Motion(still.root + np.linspace(0, 0.05 * unit, 30)[:, None] * [1, 0, 0], still.rotations)
+        write_clip(tmp_path / f"{unit}.npz", sways)
+    assert len(retarget(load(tmp_path / "1.npz"))) == 30
+    with pytest.raises(MocapError, match=r"move by more than 5\.\d m/s.*another unit.*by 100"):
+        retarget(load(tmp_path / "100.npz"))
+
+
 # -- clips -------------------------------------------------------------------------------------------------------------
 def pack(folder, humanoid3d, notes):
     with tarfile.open(folder / "some.tar.xz", "w:xz") as tar:
