@@ -536,6 +536,16 @@ def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, 
     assert model.left_out == told
 
 
+def test_models_in_bytes_may_be_larger_than_those_in_text(tmp_path: Path) -> None:
+    """A triangle of STL has 50 bytes, so 700,000 have 35 MB, more than 32 MiB."""
+    triangle = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    (tmp_path / "model.stl").write_bytes(bytes(80) + struct.pack("<I", 700_000) + triangle * 700_000)
+    assert sum(len(part.faces) for part in read_model(tmp_path / "model.stl").parts) == 700_000
+    (tmp_path / "model.obj").write_bytes(b"#" * 35_000_000)
+    with pytest.raises(SceneError, match=r"larger than 32 MiB.*convert it to glb"):
+        read_model(tmp_path / "model.obj")
+
+
 @pytest.mark.parametrize(
     ("code", "names"), [("latin-1", "üä"), ("cp1251", "жд"), ("shift-jis", "壁表"), ("utf-8", "жд")]
 )

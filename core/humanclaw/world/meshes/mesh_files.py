@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from humanclaw.errors import SceneError
-from humanclaw.storage.files import MIB, Folder, read_file
+from humanclaw.storage.files import MIB, Folder, open_file, read_file
 from humanclaw.world.meshes.gltf import gltf_parts
 from humanclaw.world.meshes.obj import obj_parts
 from humanclaw.world.meshes.parts import Part
@@ -25,6 +26,8 @@ MODEL_BYTES: Final = 512 * MIB
 """Maximum bytes of a model file, and of each file that it names."""
 TEXT_BYTES: Final = 32 * MIB
 """Maximum bytes of a model in text: read, it takes twenty times as much."""
+_IN_BYTES: Final = {"glb": b"", "ply": b"\nformat binary", "stl": b"\0"}
+"""What the beginning of a model holds that is not in text, by its kind."""
 _LFS: Final = b"version https://git-lfs"
 
 
@@ -44,7 +47,7 @@ def read_model(path: Path) -> Model:
     """
     kind, lost = path.suffix[1:].lower(), Counter[str]()
     try:
-        data = read_file(path, MODEL_BYTES if kind == "glb" else TEXT_BYTES)
+        data = _content(path, kind)
         if data.startswith(_LFS):
             raise SceneError("it is a pointer of git-lfs.", "Run `git lfs pull` in its folder.")
         parts = _read(kind, data, _beside(path.parent), lost)
@@ -58,6 +61,20 @@ def read_model(path: Path) -> Model:
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise SceneError(f"{path} holds vertices that are not numbers.", "Export it again.")
     return Model(parts, tuple(f"{what}: {count}" for what, count in lost.items()))
+
+
+def _content(path: Path, kind: str) -> bytes:
+    """Return the bytes of a model file. Raises SceneError for one that is too large."""
+    most, mark = MODEL_BYTES, _IN_BYTES.get(kind)
+    try:
+        with open_file(path, most) as stream:
+            if mark is None or mark not in stream.peek():
+                most = TEXT_BYTES
+        return read_file(path, most)
+    except OSError as error:
+        if error.errno != errno.EFBIG:
+            raise
+        raise SceneError(f"it is larger than {most // MIB} MiB.", "Simplify it, or convert it to glb.") from error
 
 
 def _read(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> list[Part]:
