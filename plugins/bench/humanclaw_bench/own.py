@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from inspect import getdoc
 from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
+
 if TYPE_CHECKING:
     from humanclaw import EpisodeSpec, RecordedEpisode
 
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Task:
-    """A split of one's own. Calling it calls its function."""
+    """A split of one's own. Calling it calls its function. Raises TypeError if that returns neither True nor False."""
 
     name: str
     description: str
@@ -24,7 +26,10 @@ class Task:
     success: Success
 
     def __call__(self, episode: RecordedEpisode) -> bool:
-        return self.success(episode)
+        done = self.success(episode)
+        if not isinstance(done, bool | np.bool_):  # A distance, say, would count as a success.
+            raise TypeError(f"{self.name} returned {done!r}; return True or False")
+        return bool(done)
 
 
 def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:

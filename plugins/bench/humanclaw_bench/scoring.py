@@ -8,14 +8,16 @@ from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
-from traceback import format_exception_only
+from traceback import extract_tb, format_exception_only
 from typing import Final
 
 from tqdm import tqdm
 
 from humanclaw import EpisodeSpec, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw_bench import own
 from humanclaw_bench.attribution import also, attribute
 from humanclaw_bench.failure_modes import Cause
+from humanclaw_bench.own import Task
 from humanclaw_bench.results import Result, named
 from humanclaw_bench.scores import Scores, brier, score
 from humanclaw_bench.verification import standing
@@ -111,8 +113,16 @@ class Measured:
             raise
         except BaseException as error:
             reason, episode = format_exception_only(error)[-1].strip(), recorded.record.spec.id
-            _LOG.error("metric %r of plugin %r failed on episode %s: %s", self.name, self.owner, episode, reason)
+            kind = "the success function of task" if isinstance(self.measure, Task) else "metric"
+            problem = f"{kind} {self.name!r} of plugin {self.owner!r} failed on episode {episode}: {reason}"
+            _LOG.error("%s%s. Mend it, then score the run again.", problem, _place(error))
         return float("nan")
+
+
+def _place(error: BaseException) -> str:
+    """Return where a plugin's function raised, such as ' (mine.py, line 9)'; empty if it raised nothing itself."""
+    frames = [frame for frame in extract_tb(error.__traceback__) if frame.filename not in (__file__, own.__file__)]
+    return f" ({frames[0].filename}, line {frames[0].lineno})" if frames else ""
 
 
 def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 
+import numpy as np
 import pytest
 import toy_world
 from click.testing import CliRunner
@@ -146,7 +147,29 @@ def test_a_task_is_still_the_function_that_it_decorates():
     assert (short.name, short.description) == ("short", "Take few steps.")
 
 
-@pytest.mark.parametrize(("body", "fault"), [(AHEAD, None), ("last.nothing", "nothing"), ('"yes"', "and no number")])
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("5.2", "TypeError: stopped_ahead returned 5.2; return True or False."),
+        ("None", "TypeError: stopped_ahead returned None; return True or False."),
+        ('{}["x"]', "KeyError: 'x' (FILE, line 13)."),
+    ],
+)
+def test_a_function_that_gives_no_answer_is_named_and_not_scored(run, file, body, reason, caplog):
+    file.write_text(FILE.replace("BODY", body))
+    assert json.loads(call("table", run, "--json", "--plugin", file))["tasks"]["rows"][0]["solved"]["value"] is None
+    start = "success function of task 'stopped_ahead' of plugin 'mine' failed on episode near: "
+    assert start + reason.replace("FILE", str(file)) + " Mend it, then score the run again." in caplog.text
+
+
+@pytest.mark.parametrize("yes", [True, np.True_])
+def test_true_of_python_and_of_numpy_is_a_success(yes):
+    assert task()(lambda episode: yes)([]) is True
+
+
+@pytest.mark.parametrize(
+    ("body", "fault"), [(AHEAD, None), ("last.nothing", "nothing"), ("5.2", "returned 5.2; return True or False")]
+)
 def test_check_uses_the_function_of_a_task_once(file, body, fault):
     file.write_text(FILE.replace("BODY", body))
     told = [fault.message for report in check_target(str(file), Plugins.discover()) for fault in report.faults]

@@ -171,7 +171,7 @@ def test_a_metric_that_raises_or_babbles_is_unknown_and_harmless(
     assert [str(scores.extra[name]) for name in odd] == ["nan"] * 3
     assert (scores.extra["one"], scores.interact) == (1.0, True)
     line = f"metric 'raises' of plugin 'odd' failed on episode {scores.episode}: ZeroDivisionError: division by zero"
-    assert caplog.messages[0] == line
+    assert caplog.messages[0].startswith(f"{line} ({__file__}, line ")
     assert not any(record.exc_info for record in caplog.records)
 
 
