@@ -20,7 +20,7 @@ from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.own import Task
 from humanclaw_bench.results import Result, named
 from humanclaw_bench.scores import Scores, brier, score
-from humanclaw_bench.verification import standing
+from humanclaw_bench.verification import played_with_another, standing
 
 Scored = tuple[Scores, Cause | None]
 Runs = Mapping[Path, Sequence[RecordedEpisode]]
@@ -40,7 +40,11 @@ def metrics_of(plugins: Plugins) -> Extra:
     items = (*plugins.registered("metrics"), *plugins.registered("splits"))
     for item in items:
         refuse_taken_name(item.name, item.owner)
-    return {item.name: Measured(item.name, item.owner, item.value, item.description) for item in items}
+    origins = {info.name: info.origin for info in plugins.infos}
+    return {
+        item.name: Measured(item.name, item.owner, item.value, item.description, origins.get(item.owner, ""))
+        for item in items
+    }
 
 
 def refuse_taken_name(name: str, owner: str) -> None:
@@ -105,6 +109,8 @@ class Measured:
     owner: str
     measure: Callable[[RecordedEpisode], float]
     description: str = ""
+    origin: str = ""
+    """Its plugin's file or distribution."""
 
     def __call__(self, recorded: RecordedEpisode) -> float:
         try:
@@ -134,8 +140,18 @@ def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result
 
 def results(runs: Runs, extra: Extra) -> tuple[Result, ...]:
     """Score runs that are read already."""
+    for run, episodes in runs.items():
+        warn_of_another_judge(run, episodes, extra)
     pairs = {str(run): scored(episodes, extra, run.name) for run, episodes in runs.items()}
     return named(pairs, {str(run): standing(run, episodes) for run, episodes in runs.items()})
+
+
+def warn_of_another_judge(run: Path, episodes: Sequence[RecordedEpisode], extra: Extra) -> None:
+    """Warn if the file that decides success differs from the one that a run was played with."""
+    judges = {recorded.record.spec.success for recorded in episodes} & extra.keys()
+    for file in sorted({Path(getattr(extra[judge], "origin", "")) for judge in judges}):
+        if file.is_file() and played_with_another(run, file):
+            _LOG.warning("%s differs from the plugin file that %s was played with: success is judged anew.", file, run)
 
 
 def with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:

@@ -162,6 +162,15 @@ def test_a_function_that_gives_no_answer_is_named_and_not_scored(run, file, body
     assert start + reason.replace("FILE", str(file)) + " Mend it, then score the run again." in caplog.text
 
 
+@pytest.mark.parametrize("words", [("table",), ("rescore",)])
+def test_a_function_changed_since_the_run_is_told(run, file, words, caplog):
+    call(*words, run, "--plugin", file)
+    assert "differs" not in caplog.text
+    file.write_text(FILE.replace("BODY", "True"))
+    call(*words, run, "--plugin", file)
+    assert f"{file} differs from the plugin file that {run} was played with: success is judged anew." in caplog.text
+
+
 @pytest.mark.parametrize("yes", [True, np.True_])
 def test_true_of_python_and_of_numpy_is_a_success(yes):
     assert task()(lambda episode: yes)([]) is True
