@@ -20,7 +20,8 @@ from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.own import Task
 from humanclaw_bench.results import Result, named
 from humanclaw_bench.scores import Scores, brier, score
-from humanclaw_bench.verification import played_with_another, standing
+from humanclaw_bench.settings import played_with_another
+from humanclaw_bench.verification import standing
 
 Scored = tuple[Scores, Cause | None]
 Runs = Mapping[Path, Sequence[RecordedEpisode]]

@@ -111,6 +111,14 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
     return {"humanclaw": humanclaw.__version__} | versions
 
 
+def played_with_another(run: Path, file: Path) -> bool:
+    """Tell whether a run was played with plugin files, and a file is none of these as they were then."""
+    if MANIFEST not in Folder(run).names():
+        return False
+    played = str(read_manifest(run).content.get("plugin files") or "")  # A foreign run.json may hold anything.
+    return bool(played) and _digest_of(file) not in played
+
+
 def _digest_of(plugin: Path) -> str:
     """Return the digest of a plugin's file, or of its package's names and contents but for caches."""
     if not plugin.is_dir():

@@ -106,16 +106,6 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     return Standing(manifest.episodes, (*faults, *_foreign(run, manifest, episodes)), beside)
 
 
-def played_with_another(run: Path, file: Path) -> bool:
-    """Tell whether a run was played with plugin files, and a file is none of these as they were then."""
-    if MANIFEST not in Folder(run).names():
-        return False
-    played = str(
-        read_manifest(run).content.get("plugin files") or ""
-    )  # Text, for a foreign run.json may hold anything.
-    return bool(played) and hashlib.sha256(file.read_bytes()).hexdigest() not in played
-
-
 def _sealed(record: EpisodeRecord) -> bool:
     """Tell whether a record has a seal, and the digests of its files once it has ended."""
     return bool(record.seal) and (record.outcome == "running" or bool(record.files))
