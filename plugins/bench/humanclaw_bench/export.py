@@ -20,7 +20,7 @@ from humanclaw import Call, HumanclawError, Plugins, RecordedEpisode, RecordErro
 from humanclaw.storage import Folder
 from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.scores import Scores, ended
-from humanclaw_bench.scoring import COLLISIONS, metrics_of, scored, with_progress
+from humanclaw_bench.scoring import COLLISIONS, Scored, metrics_of, scored_runs, with_progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,8 +46,11 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
 
 def rows(run: Path, plugins: Plugins | None = None) -> list[dict[str, Any]]:
     """Return a run with one row per episode. Raises RecordError if there is none."""
-    extra = metrics_of(plugins or Plugins.discover())
-    return [row(*pair) for pair in scored(load_run(run), extra, run.name)]
+    return [row(*pair) for pair in _scored(run, load_run(run), plugins)]
+
+
+def _scored(run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins | None) -> list[Scored]:
+    return scored_runs({run: episodes}, metrics_of(plugins or Plugins.discover()))[run]
 
 
 def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
@@ -100,8 +103,8 @@ def to_lerobot(run: Path, out: Path, plugins: Plugins | None = None) -> Path:
         repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
         features=_features(episodes, actions), use_videos=False,
     )  # fmt: skip
-    judged = scored(episodes, metrics_of(plugins or Plugins.discover()))
-    for recorded, (scores, _) in zip(with_progress(episodes, "exporting"), judged, strict=True):
+    pairs = _scored(run, episodes, plugins)
+    for recorded, (scores, _) in zip(with_progress(episodes, "exporting"), pairs, strict=True):
         for frame in _frames(recorded, actions, bool(scores.success)):
             dataset.add_frame(frame)
         dataset.save_episode()
@@ -173,7 +176,7 @@ def to_inspect(run: Path, out: Path, plugins: Plugins | None = None) -> Path:
     first = episodes[0].record
     if len({(episode.record.agent, episode.record.verifier) for episode in episodes}) > 1:
         raise RecordError(f"{run} holds runs of several agents.", "Name the folder of one of them.")
-    pairs = scored(episodes, metrics_of(plugins or Plugins.discover()))
+    pairs = _scored(run, episodes, plugins)
     spec = log.EvalSpec(
         created=first.created, task="humanclaw", model=first.agent, config=log.EvalConfig(),
         dataset=log.EvalDataset(name=run.name, samples=len(episodes), sample_ids=[e.record.spec.id for e in episodes]),

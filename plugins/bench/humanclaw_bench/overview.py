@@ -10,7 +10,7 @@ from typing import Protocol
 from humanclaw import Plugins, RecordedEpisode, RecordError
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result
-from humanclaw_bench.scoring import Extra, Runs, metrics_of, results, scored
+from humanclaw_bench.scoring import Runs, Scored, metrics_of, results_from, scored_runs
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import EXPLAINED, ResultTable, all_tables, happened
 from humanclaw_bench.writers import bearing, compared, texts
@@ -38,10 +38,10 @@ class Page(Protocol):
 
 def overview(runs: Runs, page: Page, plugins: Plugins) -> None:
     """Add the tables of some runs, and the result of each of their episodes, to a page."""
-    extra = metrics_of(plugins)
+    pairs = scored_runs(runs, metrics_of(plugins))
     for run, episodes in runs.items():
-        _tell_episodes(run, episodes, page, extra)
-    run_results = results(runs, extra)
+        _tell_episodes(run, episodes, page, pairs[run])
+    run_results = results_from(runs, pairs)
     tables = all_tables(run_results, paper=False)
     tables |= {name: happened(tables[name]) for name in ("causes", "faculties", "hand-causes")}
     for name in SHOWN:
@@ -51,8 +51,8 @@ def overview(runs: Runs, page: Page, plugins: Plugins) -> None:
             _add_comparison(run_results[0], run_results[1], page)
 
 
-def _tell_episodes(run: Path, episodes: Sequence[RecordedEpisode], page: Page, extra: Extra) -> None:
-    for (scores, cause), recorded in zip(scored(episodes, extra, run.name), episodes, strict=True):
+def _tell_episodes(run: Path, episodes: Sequence[RecordedEpisode], page: Page, pairs: Sequence[Scored]) -> None:
+    for (scores, cause), recorded in zip(pairs, episodes, strict=True):
         success = scores.success if scores.finished else None
         label, step = (cause.label, cause.step(recorded)) if cause else ("", None)
         page.episode(run, scores.episode, success=success, cause=label, tier=scores.tier, step=step)

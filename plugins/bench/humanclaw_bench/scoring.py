@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from traceback import extract_tb, format_exception_only
-from typing import Final
+from typing import Final, TypeAlias
 
 from tqdm import tqdm
 
@@ -25,7 +25,7 @@ from humanclaw_bench.verification import standing
 
 Scored = tuple[Scores, Cause | None]
 Runs = Mapping[Path, Sequence[RecordedEpisode]]
-Extra = Mapping[str, Callable[[RecordedEpisode], float]]
+Extra: TypeAlias = "Mapping[str, Measured]"
 """Metrics of plugins and successes of their tasks by name. Each returns a number, NaN if it does not apply."""
 OWN: Final = frozenset({field.name for field in fields(Scores)} | {"success", "stage", "cause", "capability"})
 """Names of the numbers in a row of scores."""
@@ -83,7 +83,7 @@ def _with_extra(recorded: RecordedEpisode, scores: Scores, cause: Cause | None, 
     scores = replace(scores, done=done, brier=brier(recorded, done), also="")
     if done is not False or not scores.finished or scores.outcome == "plugin_error":
         return scores, None
-    about = getattr(extra[judge], "description", "") or judge
+    about = extra[judge].description or judge
     return scores, Cause("task", f"not met: {about}", "task")
 
 
@@ -141,16 +141,26 @@ def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result
 
 def results(runs: Runs, extra: Extra) -> tuple[Result, ...]:
     """Score runs that are read already."""
+    return results_from(runs, scored_runs(runs, extra))
+
+
+def scored_runs(runs: Runs, extra: Extra) -> dict[Path, list[Scored]]:
+    """Score the episodes of runs. Warns of a file that judges success and differs from the one of the run."""
     for run, episodes in runs.items():
-        warn_of_another_judge(run, episodes, extra)
-    pairs = {str(run): scored(episodes, extra, run.name) for run, episodes in runs.items()}
-    return named(pairs, {str(run): standing(run, episodes) for run, episodes in runs.items()})
+        _warn_of_another_judge(run, episodes, extra)
+    return {run: scored(episodes, extra, run.name) for run, episodes in runs.items()}
 
 
-def warn_of_another_judge(run: Path, episodes: Sequence[RecordedEpisode], extra: Extra) -> None:
+def results_from(runs: Runs, pairs: Mapping[Path, Sequence[Scored]]) -> tuple[Result, ...]:
+    """Return the results of runs whose episodes are scored already."""
+    known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
+    return named({str(run): scores for run, scores in pairs.items()}, known)
+
+
+def _warn_of_another_judge(run: Path, episodes: Sequence[RecordedEpisode], extra: Extra) -> None:
     """Warn if the file that decides success differs from the one that a run was played with."""
     judges = {recorded.record.spec.success for recorded in episodes} & extra.keys()
-    for file in sorted({Path(getattr(extra[judge], "origin", "")) for judge in judges}):
+    for file in sorted({Path(extra[judge].origin) for judge in judges}):
         if file.is_file() and played_with_another(run, file):
             _LOG.warning("%s differs from the plugin file that %s was played with: success is judged anew.", file, run)
 

@@ -18,7 +18,7 @@ from humanclaw_bench.conditions import differences as unlike
 from humanclaw_bench.export import FORMATS, row
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.results import Result, named, require_whole
-from humanclaw_bench.scoring import metrics_of, results_of as _results, scored, warn_of_another_judge
+from humanclaw_bench.scoring import metrics_of, results_of as _results, scored_runs
 from humanclaw_bench.tables import EXPLAINED, TABLES, ResultTable, all_tables, brief_tables, chosen_table, result_table
 from humanclaw_bench.verification import standing
 from humanclaw_bench.writers import WRITERS, compare_table, plain, plain_differences, terminal
@@ -117,9 +117,7 @@ def compare_command(a: Path, b: Path, as_json: bool, partial: bool, files: tuple
 def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Score a run again from its records. Writes one line per episode, with every number and the root cause."""
     episodes = load_run(run)
-    extra = metrics_of(Plugins.discover(files))
-    warn_of_another_judge(run, episodes, extra)
-    pairs = scored(episodes, extra, run.name)
+    pairs = scored_runs({run: episodes}, metrics_of(Plugins.discover(files)))[run]
     lines = "".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in pairs)
     out = write_result(out, run, "scores.jsonl", lines.encode())
     scores = result_table("main", named({run.name: pairs}, {run.name: standing(run, episodes)}), paper=False)

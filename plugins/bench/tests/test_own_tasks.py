@@ -1,18 +1,22 @@
 """A task of one's own (@task): its function decides success, in tables, rows, `verify` and replays."""
 
+import contextlib
 import csv
+import io
 import json
 import shutil
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 import toy_world
 from click.testing import CliRunner
 
-from humanclaw import EpisodeSpec, HumanclawError, Plugins
+from humanclaw import EpisodeSpec, HumanclawError, Plugins, load_run
 from humanclaw.testing import check_target
 from humanclaw_bench import task
 from humanclaw_bench.cli import bench
+from humanclaw_bench.overview import overview
 from humanclaw_bench.splits import load_split
 
 pytestmark = pytest.mark.integration
@@ -162,13 +166,25 @@ def test_a_function_that_gives_no_answer_is_named_and_not_scored(run, file, body
     assert start + reason.replace("FILE", str(file)) + " Mend it, then score the run again." in caplog.text
 
 
-@pytest.mark.parametrize("words", [("table",), ("rescore",)])
+CHANGED = "{} differs from the plugin file that {} was played with: success is judged anew."
+
+
+@pytest.mark.parametrize("words", [("table",), ("rescore",), ("export", "--to", "csv")])
 def test_a_function_changed_since_the_run_is_told(run, file, words, caplog):
     call(*words, run, "--plugin", file)
     assert "differs" not in caplog.text
     file.write_text(FILE.replace("BODY", "True"))
     call(*words, run, "--plugin", file)
-    assert f"{file} differs from the plugin file that {run} was played with: success is judged anew." in caplog.text
+    assert CHANGED.format(file, run) in caplog.text
+
+
+def test_a_page_judges_each_episode_once(run, file, caplog):
+    file.write_text(FILE.replace("BODY", "print(episode.record.spec.id) or True"))
+    judged = io.StringIO()
+    with contextlib.redirect_stdout(judged):
+        overview({run: load_run(run)}, MagicMock(), Plugins.discover([file]))
+    assert judged.getvalue().split() == ["late", "near"]
+    assert caplog.text.count(CHANGED.format(file, run)) == 1
 
 
 @pytest.mark.parametrize("yes", [True, np.True_])
