@@ -106,6 +106,7 @@ if TYPE_CHECKING:
         SharedSimulator as SharedSimulator,
         Simulator as Simulator,
         WorldState as WorldState,
+        body_numbers as body_numbers,
         person_id as person_id,
         shared as shared,
     )

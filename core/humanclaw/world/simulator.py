@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
 
 from humanclaw.body.pose import Array, Motion, Pose2D
@@ -16,6 +17,12 @@ from humanclaw.world.scene import Scene
 def person_id(body: int) -> int:
     """Return the id under which the others see and touch a body of a shared world: -2 for body 0, -3 for body 1."""
     return -2 - body
+
+
+def body_numbers(others: Sequence[int]) -> tuple[int, ...]:
+    """Return the number of a body, the first that none of the others in its world has, and theirs by person_id()."""
+    own = next(number for number in count() if person_id(number) not in others)
+    return (own, *(person_id(0) - person for person in others))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from humanclaw import HumanclawError, Scene
 from humanclaw.body import SKINS, Array, Motion, Skin, matrix_from_quaternion, skin
-from humanclaw.world import BODY_ID, Camera, View, WorldState, person_id
+from humanclaw.world import BODY_ID, Camera, View, WorldState, body_numbers
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.edges import soften
@@ -73,9 +72,9 @@ class RasterRenderer:
         # Freed before packing: two scenes at once would fragment the heap of a process that visits many houses.
         self.close()
         names = sorted({obj.asset for obj in scene.objects})
-        own = next(person_id(number) for number in count() if person_id(number) not in others)
-        body = Person(self._looks or _skin_of(own))
-        people = {key: Person(_skin_of(key), len(names) + 1 + k) for k, key in enumerate(others)}
+        own, *looks = [SKINS[number % len(SKINS)] for number in body_numbers(others)]
+        body = Person(self._looks or skin(own))
+        people = {key: Person(skin(looks[k]), len(names) + 1 + k) for k, key in enumerate(others)}
         model = _model(scene, names, [body, *people.values()])
         self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}
         self._rest = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects}
@@ -151,11 +150,6 @@ def _instances(scene: Scene, names: Sequence[str], others: Sequence[int]) -> Ins
         turn=np.tile(np.eye(3), (rows, 1, 1)),
         place=np.zeros((rows, 3)),
     )
-
-
-def _skin_of(person: int) -> Skin:
-    """Return what a person looks like, by id."""
-    return skin(SKINS[(person_id(0) - person) % len(SKINS)])
 
 
 def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> None:

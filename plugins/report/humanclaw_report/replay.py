@@ -8,7 +8,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
-from itertools import count
 from typing import Any, Final
 
 import markupsafe
@@ -29,7 +28,7 @@ from humanclaw.body import (
     skin,
 )
 from humanclaw.storage import jpeg
-from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh, person_id
+from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh, body_numbers
 from humanclaw_report.camera import BEHIND, LOW, side
 from humanclaw_report.episode_summary import name_of, named, shown_contacts
 
@@ -99,7 +98,6 @@ def replay(
     # Most objects never move: the page takes their place from the house.
     moved = [key for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED]
     people = recorded.people()
-    own = next(key for key in map(person_id, count()) if key not in people)
     arrays = _pose("simulated", simulated, kept) | _pose("generated", generated, kept)
     for number, person_motion in enumerate(people.values()):
         arrays |= _pose(f"person{number}", person_motion, kept)
@@ -109,7 +107,7 @@ def replay(
         "frames": len(kept),
         "camera": [side(simulated), LOW] if open_floor else [BEHIND, ABOVE],
         "body": skeleton(recorded.record.gaze),
-        "looks": [(person_id(0) - key) % len(SKINS) for key in (own, *people)],
+        "looks": [number % len(SKINS) for number in body_numbers(list(people))],
         "contacts": _contacts(recorded, names),
         "floors": list(floors) or [recorded.record.start.floor],
         "targets": [[low, high] for low, high in recorded.record.targets.values()],
