@@ -87,9 +87,10 @@ class Keyframes:
                 raise MotionError("keyframes-times", f"{joint} has {len(keys)} keys for {len(self.times)} times")
             if np.shape(keys) != (len(keys), 3) or not np.isfinite(keys).all():
                 raise MotionError("keyframes-finite", f"{joint} has keys that are not three finite numbers each")
-            if joint != "root" and (most := np.abs(keys).max()) > WHOLE_TURN:
+            most = 0.0 if joint == "root" else np.abs(keys).max()
+            if most > WHOLE_TURN:
                 raise MotionError("keyframes-finite", f"{joint} has a key of {most:g}; keys are radians, not degrees")
-            if joint not in ("root", "pelvis") and np.abs(keys).max() > np.pi + 0.01:  # The pelvis may spin.
+            if joint != "pelvis" and most > np.pi + 0.01:  # The pelvis may spin.
                 reason = f"{joint} has a key of {most:g}; keys are radians, at most 3.14 but for pelvis"
                 raise MotionError("keyframes-finite", reason)
 

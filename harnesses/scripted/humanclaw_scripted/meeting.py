@@ -9,6 +9,7 @@ import numpy as np
 
 from humanclaw import Call, Decision, HistoryEntry, Observation
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Array
+from humanclaw.records import Partner
 from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, WorldState, distance_to_nearest, person_id
 from humanclaw_scripted.actions import MAX_STEP, TURN_FIRST
@@ -49,9 +50,13 @@ class SociableOracle(HandyOracle):
         self._heard = observation.feedback.heard
         return super().decide(observation, history)
 
+    @property
+    def _only_joins(self) -> Partner | None:
+        """The partner, if the task is to be near them and no more."""
+        return None if self._spec.goal else self._spec.partner
+
     def _act(self, state: WorldState, pose: BodyView) -> tuple[Call, str]:
-        partner = self._spec.partner
-        if partner is None or self._spec.goal is not None:
+        if (partner := self._only_joins) is None:
             return super()._act(state, pose)
         there = self._other(state)
         far, bearing = float(np.linalg.norm(there - pose.root)), float(np.arctan2(*pose.on_floor(there[[0, 2]])))
@@ -124,7 +129,7 @@ class SociableOracle(HandyOracle):
         return np.asarray(state.people[person_id(1)].root[-1])
 
     def _stands(self) -> list[Viewpoint]:
-        return super()._stands() if self._spec.partner is None or self._spec.goal else self._around_other()
+        return self._around_other() if self._only_joins else super()._stands()
 
     def _around_other(self) -> list[Viewpoint]:
         """Return places to stand around the other person, at the distance of the task."""
@@ -142,7 +147,7 @@ class SociableOracle(HandyOracle):
         return places
 
     def _at_stand(self, pose: BodyView) -> tuple[Call, str]:
-        if self._spec.partner is None or self._spec.goal is not None:
+        if self._only_joins is None:
             return super()._at_stand(pose)
         stand = self._memory.stand
         assert stand is not None

@@ -155,9 +155,9 @@ def _numbers(call: Call) -> dict[str, float]:
     """Return the parameters of a call by column of the action: a text and each entry of a list has its own."""
     columns: dict[str, float] = {}
     for key, value in call.params.items():
-        several = value if isinstance(value, (list, tuple)) else None
-        for name, each in [(key, value)] if several is None else [(f"{key}.{k}", v) for k, v in enumerate(several)]:
-            column = f"{call.skill}.{name}"
+        name, listed = f"{call.skill}.{key}", isinstance(value, list | tuple)
+        entries = {f"{name}.{k}": each for k, each in enumerate(value)} if listed else {name: value}
+        for column, each in entries.items():
             columns |= {f"{column}={each}": 1.0} if isinstance(each, str) else {column: float(each)}
     return columns
 

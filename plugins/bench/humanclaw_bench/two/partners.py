@@ -23,7 +23,7 @@ from humanclaw import (
     PluginError,
 )
 from humanclaw.body import Array, Pose2D
-from humanclaw.skills import Side, find_suited
+from humanclaw.skills import Role, Side, find_suited
 from humanclaw.storage import Folder
 from humanclaw_bench.hands.generate import House
 
@@ -98,9 +98,9 @@ class Walker:
             return self._asking({"heading.left": max(-1.0, min(1.0, turn))})
         return self._asking({"hips.forward": min(PACE, math.hypot(left, ahead)), "heading.left": turn / 2})
 
-    def _asking(self, amounts: Mapping[str, float]) -> Call:
-        skill = find_suited(self._context.skills.values(), *amounts)
-        return Call(skill.name, skill.commanding(amounts))
+    def _asking(self, amounts: Mapping[str, float], role: Role = "locomotion", side: str = "") -> Call:
+        skill = find_suited(self._context.skills.values(), *amounts, role=role)
+        return Call(skill.name, skill.commanding(amounts, side))
 
 
 class Asker(Walker):
@@ -165,10 +165,8 @@ class Asker(Walker):
             low, high = self._box()
             edge = float(high[0] if out > 0 else low[0])
             at = (edge + aside * out, float(low[1] + high[1]) / 2, float(low[2] + high[2]) / 2 - _FINGERS)
-            hand = find_suited(self._context.skills.values(), *_HAND, role="gesture")
-            yield Call(hand.name, hand.commanding(dict(zip(_HAND, at, strict=True)), side))
-        skill = find_suited(self._context.skills.values(), role="grasp")
-        yield Call(skill.name, skill.commanding({}, side))
+            yield self._asking(dict(zip(_HAND, at, strict=True)), "gesture", side)
+        yield self._asking({}, "grasp", side)
 
 
 def accompany(spec: EpisodeSpec, folder: Folder, ending: Ending, body: Body) -> None:
