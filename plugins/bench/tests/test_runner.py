@@ -533,7 +533,7 @@ def test_ctrl_c_ends_the_steps_under_way_and_the_run_goes_on(process, play, tmp_
 
 @pytest.mark.integration
 def test_a_second_ctrl_c_ends_it_at_once(process):
-    running = process(pause=2.0)
+    running = process(pause=30.0)
     os.killpg(running.pid, signal.SIGINT)
     time.sleep(0.5)  # Two signals at once would be one.
     os.killpg(running.pid, signal.SIGINT)
