@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from io import BytesIO
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -438,6 +438,48 @@ def test_a_doorway_is_open_in_a_wall_of_any_heading(tmp_path: Path, heading: flo
         path = tmp_path / f"{first}.obj"
         path.write_text(obj(corners, [[*range(len(WALL))]]))
         assert whole_area(path) == pytest.approx(10.5, abs=1e-4)
+
+
+NICHE: Loop = [(0, 0), (4.5, 0), (4.5, 0.001), (5.5, 0.001), (5.5, 0), (10, 0), (10, 0.1), (0, 0.1)]
+"""A wall of 10 m by 10 cm with a niche of 1 m by 1 mm: .999 m²."""
+
+
+def any_loop(rng: np.random.Generator) -> Loop:
+    """A loop of up to 16 corners that does not cross itself: while two of its sides cross, what is between turns."""
+    loop = rng.uniform(-3, 3, (rng.integers(4, 17), 2))
+    while crossing := next((pair for pair in combinations(range(len(loop)), 2) if crossed(loop, *pair)), None):
+        first, last = crossing
+        loop[first + 1 : last + 1] = loop[first + 1 : last + 1][::-1]
+    return [(float(x), float(y)) for x, y in loop]
+
+
+def crossed(loop: np.ndarray, *sides: int) -> bool:
+    (a, b), (c, d) = ((loop[side], loop[(side + 1) % len(loop)]) for side in sides)
+
+    def left(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
+        return float(np.sign((q - p)[0] * (r - p)[1] - (q - p)[1] * (r - p)[0]))
+
+    return left(a, b, c) * left(a, b, d) < 0 and left(c, d, a) * left(c, d, b) < 0
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_any_flat_polygon_is_covered_once_from_any_corner(tmp_path: Path, seed: int) -> None:
+    """As large as the shoelace says, with every triangle on the same side, in a plane that is turned at random."""
+    rng = np.random.default_rng(seed)
+    loop = any_loop(rng) if seed else NICHE
+    x, y = np.array(loop).T
+    area = float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    normal = np.cross(*turn[:2]) * np.sign(area)
+    for first, way in product(range(len(loop)), (1, -1)):
+        corners = (np.roll(loop, first, axis=0)[::way] @ turn[:2] + 5).tolist()
+        path = tmp_path / "model.obj"
+        path.write_text(obj([f"{x!r} {y!r} {z!r}" for x, y, z in corners], [[*range(len(loop))]]))
+        (part,) = read_model(path).parts
+        a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
+        areas = np.cross(b - a, c - a) @ normal * way / 2
+        assert areas.min() > -1e-9
+        assert areas.sum() == pytest.approx(abs(area))
 
 
 @pytest.mark.parametrize(("offset", "written"), [(0, ".2f"), (1000, ".6g")])

@@ -17,8 +17,10 @@ from humanclaw.body.pose import Array
 
 Indices = NDArray[np.int64]
 
-_SLIVER: Final = 0.01
-"""Height of a triangle without a side, as a share of its longest edge: files have some two decimals."""
+_SLIVER: Final = 1e-9
+"""Height of a triangle without a side, as a share of its longest edge: three corners in a row have one by rounding."""
+_MORE: Final = 1.001
+"""How many times its own area a polygon may be covered: its corners are rounded, or stand a little out of its plane."""
 
 
 def cut(vertices: Array, polygons: Iterable[Indices], lost: Counter[str]) -> Indices:
@@ -34,22 +36,31 @@ def cut(vertices: Array, polygons: Iterable[Indices], lost: Counter[str]) -> Ind
         fans = np.stack([first, loops[:, 1:-1], loops[:, 2:]], axis=-1)
         for number in _folded(vertices[fans]) if loops.shape[1] > 3 else ():
             triangles = _cut(vertices[loops[number]])
-            if triangles is None:
-                lost["polygons that cross themselves (their openings may be closed)"] += 1
-            else:
+            if triangles is not None:
                 fans[number] = loops[number][triangles]
+            elif _covers_more(_normals(vertices[fans[number]])):
+                lost["polygons that cross themselves (their openings may be closed)"] += 1
         faces.append(fans.reshape(-1, 3))
     return np.concatenate(faces)
 
 
 def _folded(fans: Array) -> Indices:
     """Return the numbers of the fans, (K, triangles, 3, 3), some of whose triangles look the other way."""
-    areas = np.cross(fans[..., 1, :] - fans[..., 0, :], fans[..., 2, :] - fans[..., 0, :])
+    normals = _normals(fans)
     longest = np.linalg.norm(fans - np.roll(fans, 1, axis=2), axis=-1).max(axis=-1, initial=0.0)
-    # Three corners in a row, as beside a doorway, have a normal of rounding errors.
-    sides = np.linalg.norm(areas, axis=-1) > _SLIVER * longest**2
-    back = np.einsum("ktj,kj->kt", areas, areas.sum(axis=1)) <= 0
+    sides = np.linalg.norm(normals, axis=-1) > _SLIVER * longest**2
+    back = np.einsum("ktj,kj->kt", normals, normals.sum(axis=1)) <= 0
     return np.flatnonzero((sides & back).any(axis=1))
+
+
+def _normals(triangles: Array) -> Array:
+    """Return (..., 3) normals of (..., 3, 3) triangles, twice as long as each has area."""
+    return np.cross(triangles[..., 1, :] - triangles[..., 0, :], triangles[..., 2, :] - triangles[..., 0, :])
+
+
+def _covers_more(normals: Array) -> bool:
+    """Tell whether the triangles of (N, 3) normals fold over one another."""
+    return bool(np.linalg.norm(normals, axis=1).sum() > _MORE * np.linalg.norm(normals.sum(axis=0)))
 
 
 def _cut(loop: Array) -> Indices | None:
@@ -63,8 +74,6 @@ def _cut(loop: Array) -> Indices | None:
         return None
     up = normal / twice
     across = np.cross(np.eye(3)[np.abs(up).argmin()], up)
-    flat = loop @ np.stack([across, np.cross(up, across)], axis=1) / np.linalg.norm(across)
-    triangles = np.asarray(triangulate([flat]), np.int64)
-    a, b, c = (flat[triangles[:, k]] for k in range(3))
-    areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    return triangles if len(triangles) == len(loop) - 2 and np.abs(areas).sum() <= 1.001 * twice else None
+    flat = loop @ np.stack([across, np.cross(up, across), np.zeros(3)], axis=1) / np.linalg.norm(across)
+    triangles = np.asarray(triangulate([flat[:, :2]]), np.int64)
+    return triangles if len(triangles) == len(loop) - 2 and not _covers_more(_normals(flat[triangles])) else None
