@@ -112,8 +112,8 @@ def source_digest(sources: tuple[str, ...], libraries: tuple[str, ...] = ()) -> 
 
 
 def _sources(part: Traversable) -> list[Traversable]:
-    """Return a file, or the Python and table files of a package and the packages in it, in order."""
+    """Return a file, or those of a package that decide what it does and of the packages in it, in order."""
     if part.is_file():
-        return [part] if part.name.endswith((".py", ".toml")) else []
+        return [part] if part.name.endswith((".css", ".html", ".js", ".py", ".toml")) else []
     inside = sorted(part.iterdir(), key=lambda item: item.name)
     return [path for item in inside if item.name != "__pycache__" for path in _sources(item)]

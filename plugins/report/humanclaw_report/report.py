@@ -13,8 +13,9 @@ from humanclaw.records import REPORT
 from humanclaw.storage import Folder, write_result
 from humanclaw_report.episode_page import Shared, episode_page, link, skin_script
 from humanclaw_report.episode_summary import episodes_asked
+from humanclaw_report.kept_pages import KeptPages, made_of, made_of_house
 from humanclaw_report.run_page import Collected, run_page
-from humanclaw_report.scene_cache import Drawn, Houses
+from humanclaw_report.scene_cache import Houses
 from humanclaw_report.three import three
 
 FOLDER: Final = "report"
@@ -79,30 +80,35 @@ def _write_episodes(episodes_of: Runs, target: Path, houses: Houses, collected: 
     total = sum(map(len, episodes_of.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
         for run, episodes in episodes_of.items():
-            shelf = Folder(run) / FOLDER
+            kept, shelf = KeptPages(run), Folder(run) / FOLDER
             home = run / REPORT if len(episodes_of) > 1 and Folder(run).has(REPORT) else target
             shelf.write("three.js", three().encode())
             shelf.write("skin.js", skin_script().encode())
-            written: set[str] = set()
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
-                page, drawn = episode.folder / PAGE, houses.of(episode)
-                cause = collected.cause(run, episode.record.spec.id)
-                shared = _shared(shelf, drawn, page, home, written)
-                # Not settled: to wait for the disk takes long, and a page can be written again.
-                episode.files.write(PAGE, episode_page(episode, drawn, page, shared, cause).encode(), settled=False)
+                _write_episode(episode, houses, collected.cause(run, episode.record.spec.id), shelf, home, kept)
                 bar.update()
+            kept.save()
 
 
-def _shared(shelf: Folder, drawn: Drawn, page: Path, run: Path, written: set[str]) -> Shared:
-    """Return where a page finds three.js and its house; write the house unless it is one of those written already."""
-    house = f"house-{drawn.digest[:16] or 'none'}.js"
+def _write_episode(
+    episode: RecordedEpisode, houses: Houses, cause: tuple[str, int | None], shelf: Folder, run: Path, kept: KeptPages
+) -> None:
+    """Write the page of an episode and the script of its house, unless they are there as they would be written."""
+    page, digest = episode.folder / PAGE, episode.record.scene_digest
+    same = made_of(episode, link(run, page), cause)
+    if kept.has(shelf, _script(digest), made_of_house(digest)) and kept.has(episode.files, PAGE, same):
+        return
+    drawn = houses.of(episode)
+    script, house = _script(drawn.digest), made_of_house(drawn.digest)
     # A file that is there already may be a stranger's script, brought along with records.
-    if drawn.digest and house not in written:
-        written.add(house)
-        shelf.write(house, drawn.script.encode(), settled=False)
-    return Shared(
-        link(shelf.path / "three.js", page),
-        link(shelf.path / "skin.js", page),
-        link(shelf.path / house, page),
-        link(run, page),
-    )
+    if drawn.digest and not kept.has(shelf, script, house):
+        kept.write(shelf, script, drawn.script.encode(), house)
+    names = (shelf.path / "three.js", shelf.path / "skin.js", shelf.path / script, run)
+    html = episode_page(episode, drawn, page, Shared(*(link(name, page) for name in names)), cause)
+    # A house that is missing today may be there tomorrow.
+    kept.write(episode.files, PAGE, html.encode(), same if drawn.digest else "")
+
+
+def _script(digest: str) -> str:
+    """Return the name of a house's script."""
+    return f"house-{digest[:16] or 'none'}.js"

@@ -426,6 +426,38 @@ def test_a_script_that_came_with_the_records_is_replaced(tmp_path: Path) -> None
     assert {path: path.read_bytes() for path in (tmp_path / "report").iterdir()} == scripts
 
 
+def test_a_page_is_kept_until_what_it_shows_changes(tmp_path: Path) -> None:
+    names = ("couch-0", "couch-1")
+    for name in names:
+        scene = record_episode(tmp_path / name, name=name)
+    pages, causes = [tmp_path / name / "page.html" for name in names], ["", ""]
+
+    def written() -> list[bool]:
+        """Write the report; tell which pages are new files."""
+        before = [page.stat().st_ino if page.exists() else 0 for page in pages]
+        held = [page.open() for page in pages if page.exists()]  # Else a new file may get the number of the old one.
+        write_report(tmp_path, None, lambda name: scene, contribute=contribute)
+        for file in held:
+            file.close()
+        return [page.stat().st_ino != number for page, number in zip(pages, before, strict=True)]
+
+    def contribute(runs: Any, page: Any) -> None:
+        for name, cause in zip(names, causes, strict=True):
+            page.episode(tmp_path, name, success=not cause, cause=cause)
+
+    assert [written(), written()] == [[True, True], [False, False]]
+    write_record(tmp_path / "couch-1", RecordedEpisode(tmp_path / "couch-1").record.model_copy(update={"agent": "me"}))
+    assert [written(), written()] == [[False, True], [False, False]]
+    causes[0] = "nav: too far"
+    assert [written(), written()] == [[True, False], [False, False]]
+    (tmp_path / "couch-0" / "film.gif").write_bytes(b"film")
+    pages[1].write_text("a stranger's")
+    assert [written(), written()] == [[True, True], [False, False]]
+    (script,) = (tmp_path / "report").glob("house-*.js")
+    script.unlink()
+    assert [written()[0], script.exists(), written()] == [True, True, [False, False]]
+
+
 def test_of_two_bodies_the_page_shows_both_views_and_colours(tmp_path: Path) -> None:
     for name in ("one", "other"):
         scene = record_episode(tmp_path / name, name=name)
