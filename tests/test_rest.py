@@ -140,6 +140,22 @@ def test_what_overlaps_at_the_start_comes_apart_and_stays_near(simulator: Simula
         assert np.linalg.norm(found[key][:3] - begun[key][:3]) < 0.15
 
 
+def test_a_row_of_books_that_overlap_a_little_stays_on_its_shelf(simulator: Simulator) -> None:
+    """16 books of 4 cm, each 2 mm inside the next, on a board from x = 1.55 to 2.45: they come 3 cm apart in all, half
+    of it at each end."""
+    builder = SceneBuilder.on_floor()
+    builder.box("shelf", (0.9, 0.03, 0.3), (2, 1.0, 2))
+    places = [(1.7 + 0.038 * number, 1.03, 2) for number in range(16)]
+    books = [builder.box("book", (0.04, 0.25, 0.2), place, movable=True, mass=0.4) for place in places]
+    scene = builder.scene()
+    begun = simulator.reset(scene, Pose2D()).objects
+    simulator.execute(rest_pose(FUTURE))
+    found = simulator.state().objects
+    for book in books:
+        assert begun[book][:3] == pytest.approx(scene.by_id[book].position, abs=0.025)
+        assert found[book][:3] == pytest.approx(begun[book][:3], abs=0.002)
+
+
 @pytest.mark.parametrize("points", [1, 2, 3, 4])
 @pytest.mark.parametrize("movable", [False, True])
 def test_a_flat_piece_collides_as_a_thin_one(points: int, movable: bool, simulator: Simulator) -> None:
