@@ -13,6 +13,7 @@ from humanclaw import (
     Call,
     Chunk,
     Company,
+    Episode,
     Grip,
     HumanclawError,
     Keyframes,
@@ -222,6 +223,38 @@ def test_two_episodes_are_recorded_side_by_side_and_name_one_another(tmp_path):
     assert np.array_equal(b.people()[person_id(0)].root[:10], a.motion().root[:10])
     shutil.move(tmp_path / "b", tmp_path / "elsewhere")
     assert a.people() == {}
+
+
+def test_by_the_real_clock_the_others_go_on_while_one_thinks():
+    spec = free_episode("greet", fake_scene(), max_steps=12)
+
+    def episode(script, seconds, body):
+        class Mind(ScriptedAgent):
+            def decide(self, observation, history):
+                decided.append((seconds, time.monotonic()))
+                time.sleep(seconds)
+                return super().decide(observation, history)
+
+        agent = Mind(map(Call, script))
+        begun = Episode(body, spec.model_copy(update={"start": body.start}), agent, clock="real")
+        barrier.wait(20)
+        with begun:
+            while not begun.done:
+                begun.ask()
+        return begun.steps
+
+    decided, barrier = [], threading.Barrier(2)
+    with company() as two:
+        parts = [partial(episode, ["bow", "finish"], 1.7), partial(episode, ["bow"] * 9 + ["finish"], 0.01)]
+        slow, quick = two.play(parts)
+    began, ended = [moment for seconds, moment in decided if seconds == 1.7]
+    meanwhile = [moment for seconds, moment in decided if seconds == 0.01 and began <= moment < began + 1.65]
+    # It acts in the half seconds from 0.5, 1.0 and 1.5 s on, and has decided on the next one by then.
+    assert 3 <= len(meanwhile) <= 5
+    assert slow[0].waited == 3
+    assert slow[0].motion_frames == 4 * FUTURE
+    assert [step.waited for step in quick] == [0] * 10
+    assert ended - began < 3
 
 
 def test_who_ended_stands_while_the_others_go_on_in_their_records(tmp_path):

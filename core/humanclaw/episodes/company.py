@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
@@ -21,7 +22,7 @@ from typing import Any, Final, Self, TypeAlias, TypeVar
 
 import numpy as np
 
-from humanclaw.body.pose import Motion, Pose2D
+from humanclaw.body.pose import FPS, FUTURE, Motion, Pose2D
 from humanclaw.body.skeleton import JOINT_INDEX, Side
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
@@ -36,6 +37,8 @@ from humanclaw.world.simulator import Execution, Heard, SharedSimulator, WorldSt
 T = TypeVar("T")
 HEARING: Final = 8.0
 """Metres that a voice carries, along the shortest way through the air: round corners and through open doors."""
+_HALF: Final = FUTURE / FPS
+"""Seconds of the world that are simulated together."""
 _Act: TypeAlias = "Motion | Grip | tuple[Scene, Pose2D]"
 """What a body does next: half a second of motion, what a hand does before it, or standing at a start of a scene."""
 
@@ -155,6 +158,10 @@ class Seat:
         finally:
             self.world.called(self.number, False)
 
+    def hurry(self) -> None:
+        """Go on by the wall clock from now, as a mind is asked: the body stands until it is called."""
+        self.world.hurry(self.number)
+
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         state: WorldState = self.world.do(self.number, (scene, start))
         return state
@@ -189,6 +196,8 @@ class _World:
         self._playing: set[int] = set()
         self._called: set[int] = set()
         self._late: set[int] = set()
+        self._due: dict[int, float] = {}
+        """Of each body by the wall clock when the others go on without it, until it is called."""
         self._acts: dict[int, _Act] = {}
         self._answers: dict[int, Any] = {}
         self.said: list[tuple[int, str]] = []
@@ -197,7 +206,7 @@ class _World:
     def enter(self) -> None:
         """Wait from now on for every body."""
         with self._changed:
-            self._playing = set(range(self._count))
+            self._playing, self._due = set(range(self._count)), {}
 
     def leave(self, number: int) -> None:
         """Wait no longer for a body."""
@@ -210,6 +219,13 @@ class _World:
         with self._changed:
             self._late.discard(number)
             (self._called.add if begins else self._called.discard)(number)
+            self._move_on()
+
+    def hurry(self, number: int) -> None:
+        """Wait for a body half a second, unless that began earlier in this half second of the world."""
+        with self._changed:
+            self._due.setdefault(number, time.monotonic() + _HALF)
+            self._changed.notify_all()
 
     def do(self, number: int, act: _Act) -> Any:
         """Return the outcome of an act, once it is done together with those of the others."""
@@ -218,9 +234,11 @@ class _World:
                 raise HumanclawError("this body plays no part now.", "Give it one with Company.play().")
             self._acts[number] = act
             self._move_on()
-            while not self._changed.wait_for(lambda: number not in self._acts, self.patience):
-                self._late |= self._playing - self._acts.keys() - self._called
-                self._move_on()
+            while number in self._acts:
+                wait = self._wait
+                if not self._changed.wait(wait):
+                    self._late |= self._thinking if wait == self.patience else set()
+                    self._move_on()
             answer = self._answers[number]
         if isinstance(answer, Exception):
             raise answer
@@ -234,9 +252,22 @@ class _World:
         with self._changed:
             self._simulator.close()
 
+    @property
+    def _thinking(self) -> set[int]:
+        return self._playing - self._acts.keys() - self._called
+
+    @property
+    def _wait(self) -> float | None:
+        """Seconds until one who thinks may be late; None for ever."""
+        now = time.monotonic()
+        left = [due - now for due in self._due.values() if due > now]
+        return min(left if self.patience is None else [*left, self.patience], default=None)
+
     def _move_on(self) -> None:
-        """Do what all have asked for, if all have."""
-        if self._acts and self._playing - self._late <= self._acts.keys():
+        """Do what all have asked for, if all have but those who are late."""
+        now = time.monotonic()
+        late = self._late | {number for number in self._thinking if self._due.get(number, now + 1) <= now}
+        if self._acts and self._playing - late <= self._acts.keys():
             self._do_now()
 
     def _do_now(self) -> None:
@@ -271,6 +302,7 @@ class _World:
         standing = [number for number in range(self._count) if number not in motions]
         motions = motions | {number: self.bodies[number].stands() for number in standing}
         executions = self._simulator.execute_all([motions[number] for number in range(self._count)])
+        self._due = {number: due + _HALF for number, due in self._due.items() if number in standing}
         said, self.said = self.said, []
         if said:
             after = self._simulator.states()

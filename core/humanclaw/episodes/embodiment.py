@@ -203,10 +203,15 @@ class Body:
     def execute(self, call: Call, watch: Watcher | None = None, waited: int = 0) -> SkillExecution:
         """Execute a checked call, chunk by chunk.
 
-        watch: called after each chunk; if it returns False, the rest is left out. waited: half seconds to stand before.
+        watch: called after each chunk; if it returns False, the rest is left out. waited: half seconds to stand before,
+        among them those that the world has gone on for already.
         """
         with getattr(self._simulator, "called", nullcontext)():
             return self._execute(call, watch, waited)
+
+    def hurry(self) -> None:
+        """Let the world of a company go on while the mind, asked now, thinks. The world of one body waits."""
+        getattr(self._simulator, "hurry", lambda: None)()
 
     def stands(self) -> Motion:
         """Return half a second of standing, for a world that does not wait for a call: it tells stood() the outcome."""
@@ -226,7 +231,7 @@ class Body:
         with blaming(self.plugins.owner(call.skill)):
             plan = skill.planned(call.params, feeling if skill.feels else None)
         chunks, self._stood = self._stood, []
-        waited += len(chunks)
+        waited = max(waited, len(chunks))
         plan = (*[STANDING] * waited, *plan)
         self._waiting = None
         playing = Playing(self._mover, skill, plan, (self.seed, self.step), len(chunks))

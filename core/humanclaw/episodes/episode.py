@@ -264,6 +264,8 @@ class Episode:
         self._meter.begin("call")
         self._meter.check()
         self._step.ask()
+        if self._clock == "real":
+            self.body.hurry()
 
     def _take(self, decision: Decision, waited: int | None = None) -> StepRecord | Refusal:
         """Enter a decision, and execute it if it holds a legal call."""
