@@ -28,8 +28,11 @@ import importlib.util
 import math
 import os
 import pickle
+import statistics
 import sys
 import time
+import zipfile
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -69,8 +72,16 @@ from humanclaw_train.model.flow import LOSSES, Loss, clean, noised, target
 _SAVE_SECONDS: Final = 120
 """An interruption costs at most so much work; a save of the largest size takes about a second."""
 _REPORT_SECONDS: Final = 15
-_STATE: Final = ("settings", "module", "mean", "optimiser", "step", "seconds")
+_WORSE: Final = 10
+"""A run whose loss is so many times the least before has diverged. Noise moves the median below by a third."""
+_RECENT: Final = 20
+"""Number of the steps whose median is the loss of a save: one bad batch is no divergence."""
+_STATE: Final = ("settings", "module", "mean", "optimiser", "step", "seconds", "least")
 """What a saved state holds."""
+_UNREADABLE: Final = (
+    OSError, EOFError, RuntimeError, KeyError, TypeError, ValueError, pickle.UnpicklingError, zipfile.BadZipFile,
+)  # fmt: skip
+"""What reading a file raises that is no such state."""
 _MOST_VALIDATED: Final = 1024
 """Most chunks of a validation, spread evenly over all: a second of time for the shipped size."""
 
@@ -422,6 +433,7 @@ class Run:
         if recipe.rollout > 1:
             self.own = OwnHistories(chunks, predecessors(chunks), recipe.rollout - 1, self.mean.generate)
         self.base, self.step, self.seconds = base, 0, 0.0
+        self.recent, self.least = deque[float](maxlen=_RECENT), math.inf
 
     @property
     def progress(self) -> float:
@@ -468,13 +480,17 @@ class Run:
         with torch.no_grad():
             means, weights = (list[Tensor](model.trained.parameters()) for model in (self.mean, self.model))
             torch._foreach_lerp_(means, weights, share)
-        return float(loss.detach())
+        self.recent.append(float(loss.detach()))
+        if self.step == _RECENT:  # While the rate is still low: whoever ends far above it has not learned.
+            self.least = min(self.least, statistics.median(self.recent))
+        return self.recent[-1]
 
-    def _diverged(self, numbers: str) -> HumanclawError:
+    def _diverged(self, numbers: str, expected: str = "finite numbers") -> HumanclawError:
+        out = self.session.out
+        kept = f" from the last save, which {out} keeps, or from the beginning with another --out"
         return HumanclawError(
-            f"Training diverged at step {self.step}: expected finite numbers, got {numbers}.",
-            f"Lower --rate (now {self.recipe.rate:g}) and start again from the last save, which {self.session.out} "
-            "keeps, or from the beginning with another --out.",
+            f"Training diverged at step {self.step}: expected {expected}, got {numbers}.",
+            f"Lower --rate (now {self.recipe.rate:g}) and start again{kept if (out / 'state.pt').exists() else ''}.",
         )
 
     def train(self, export: Callable[[], None], held_out: ChunkTensors | None) -> None:
@@ -518,8 +534,12 @@ class Run:
     def _save(self, export: Callable[[], None], held_out: ChunkTensors | None, logs: Sequence[Log]) -> None:
         """Save the whole state and the checkpoint, and validate. An interrupted save leaves the old state in place.
 
-        Raises HumanclawError, and saves nothing, for weights too large for the half precision of checkpoints.
+        Raises HumanclawError, and saves nothing, for weights too large for the half precision of checkpoints, and for a
+        loss far above an earlier one.
         """
+        loss = statistics.median(self.recent) if self.recent else self.least
+        if loss > _WORSE * self.least:
+            raise self._diverged(f"{loss:.4g}", f"a loss near the {self.least:.4g} of before")
         if not all(weights.half().isfinite().all() for weights in self.mean.trained.parameters()):
             raise self._diverged("weights beyond the range of half precision")
         content = {
@@ -528,12 +548,14 @@ class Run:
             "optimiser": self.optimiser.state_dict(),
             "step": self.step,
             "seconds": self.seconds,
+            "least": min(loss, self.least),
             "settings": self._settings(),
         }
         # Not write_atomically, which would hold the whole file in memory a second time.
         partial = self.session.out / "state.partial"
         torch.save(content, partial)
         partial.replace(self.session.out / "state.pt")
+        self.least = content["least"]
         export()
         if held_out is not None:
             # Not compiled: that takes longer than all validations of a short run.
@@ -556,14 +578,18 @@ class Run:
         if not path.exists():
             return
         try:
+            # A flipped bit of a weight is a number as well, and torch does not look at checksums.
+            with zipfile.ZipFile(path) as archive:
+                if damaged := archive.testzip():
+                    raise ValueError(f"{damaged} is damaged")
             content = torch.load(path, weights_only=True, map_location=self.session.device)
-            before, module, mean, optimiser, step, seconds = (content[name] for name in _STATE)
+            before, module, mean, optimiser, step, seconds, least = (content[name] for name in _STATE)
             if not all(weights.isfinite().all() for part in (module, mean) for weights in part.values()):
                 raise ValueError("weights that are not finite")
-        except (OSError, EOFError, RuntimeError, KeyError, TypeError, ValueError, pickle.UnpicklingError) as error:
+        except _UNREADABLE as error:
             raise HumanclawError(
-                f"Expected the state of a run in {path}; the file is incomplete or has other content.",
-                f"Remove it to begin the run again, or give another --out. ({type(error).__name__})",
+                f"Expected the state of a run in {path}; the file is incomplete, damaged or has other content.",
+                f"Put a copy back, remove it to begin the run again, or give another --out. ({type(error).__name__})",
             ) from error
         for name, now in self._settings().items():
             if before.get(name) != now:
@@ -579,7 +605,7 @@ class Run:
         self.model.trained.load_state_dict(module)
         self.mean.trained.load_state_dict(mean)
         self.optimiser.load_state_dict(optimiser)
-        self.step, self.seconds = step, seconds
+        self.step, self.seconds, self.least = step, seconds, least
 
     def _begin(self, held_out: ChunkTensors | None) -> None:
         recipe, many = self.recipe, self.session.processes.count

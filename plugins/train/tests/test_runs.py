@@ -66,6 +66,37 @@ def test_a_loss_that_is_no_number_stops_a_run_and_spares_its_files(chunks, tmp_p
     assert train.main(arguments) == 0
 
 
+def test_a_loss_that_explodes_stops_a_run_and_spares_its_files(chunks, tmp_path, capsys):
+    """From 9 at a rate of .001 the loss grows more than tenfold at one of .3, and stays finite."""
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path), *SIX]
+    assert cut_short.main(3, arguments) == 0
+    kept = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert train.main([*arguments, "--steps", "30", "--rate", "0.3"]) == 2
+    message = capsys.readouterr().err
+    assert "diverged at step 30: expected a loss near the" in message
+    assert f"start again from the last save, which {tmp_path} keeps" in message
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == kept
+    assert train.main(arguments) == 0
+
+
+def test_a_run_without_a_save_names_none(chunks, tmp_path, capsys):
+    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--rate", "1e30"]) == 2
+    message = capsys.readouterr().err
+    assert "Training diverged" in message
+    assert "last save" not in message
+
+
+def test_a_flipped_bit_of_a_state_is_noticed(chunks, tmp_path, capsys):
+    _base(chunks, tmp_path)
+    state = tmp_path / "state.pt"
+    content = bytearray(state.read_bytes())
+    weights = next(iter(torch.load(state)["module"].values())).numpy().tobytes()
+    content[content.index(weights)] ^= 1
+    state.write_bytes(content)
+    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX]) == 2
+    assert "is incomplete, damaged or has other content" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("option", "before", "now"),
     [("--batch", 8, 16), ("--loss", "full", "plain"), ("--seed", 0, 1), ("--size", "tiny", "lite")],
