@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rooms import asset, block
 
-from humanclaw.world import Mesh, area, exact, read_model, simplify
+from humanclaw.world import Mesh, area, exact, read_model, seat_of, simplify
 
 RED, BLUE = 0.25, 0.75
 """Where in the atlas of two colours each has its middle."""
@@ -128,3 +129,16 @@ def test_a_model_reads_nothing_outside_of_its_folder(tmp_path: Path, where: str)
 
 def test_equal_shapes_have_equal_bytes_also_at_nought() -> None:
     assert exact(np.array([-0.0, -1e-9, 0.123456])).tobytes() == np.float32([0.0, 0.0, 0.12346]).tobytes()
+
+
+@pytest.mark.parametrize("rim", [0.03, 0.06])
+def test_a_toilet_is_sat_on_at_the_rim_of_its_open_bowl(rim: float) -> None:
+    """A bowl of 36 by 45 cm whose bottom is at 25 cm and whose rim at 40 cm, with a cistern of 80 cm behind it."""
+    sides = [block(rim, 0.4, 0.45, (x * (0.18 - rim / 2), 0, 0)) for x in (-1, 1)]
+    ends = [block(0.36, 0.4, rim, (0, 0, z * (0.225 - rim / 2))) for z in (-1, 1)]
+    toilet = asset("toilet", "toilet", block(0.36, 0.25, 0.45), *sides, *ends, block(0.36, 0.8, 0.2, (0, 0, -0.325)))
+    seat = seat_of(toilet.mesh, "toilet")
+    assert seat.height == pytest.approx(0.4, abs=0.002)
+    assert seat.room is not None
+    assert seat.room.x1 - seat.room.x0 == pytest.approx(0.36, abs=0.03)
+    assert seat_of(asset("lid", "toilet", block(0.36, 0.42, 0.65)).mesh, "toilet").height == pytest.approx(0.42)

@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from humanclaw.world.meshes.decimation import simplify as simplify
     from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces, exact as exact
     from humanclaw.world.meshes.measure import (
-        ANYWHERE as ANYWHERE,
-        MIDDLE as MIDDLE,
         back_of as back_of,
         seat_of as seat_of,
     )

@@ -22,8 +22,6 @@ from humanclaw import Scene, SceneError
 from humanclaw.body import Array, Pose2D
 from humanclaw.storage import Cache, read_file
 from humanclaw.world import (
-    ANYWHERE,
-    MIDDLE,
     MODEL_BYTES,
     Asset,
     Hinge,
@@ -54,7 +52,7 @@ from humanclaw_habitat.dataset import Kind
 from humanclaw_habitat.frames import axes, quarter, quaternion, scaled
 from humanclaw_habitat.stage import floor_levels, pieces, righted, together
 
-VERSION: Final = 9
+VERSION: Final = 10
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
@@ -205,7 +203,7 @@ class Models:
         # A seat faces away from its back, even if the config states another front.
         quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
         mesh = turned(mesh, quarters)
-        seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS and not moving else None
+        seat = seat_of(mesh, category) if category in SEATS and not moving else None
         hulls: tuple[NDArray[np.float32], ...] = ()
         if template.is_collidable:
             given = self._given(kind, np.array(scale), link)

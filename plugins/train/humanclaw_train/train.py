@@ -540,6 +540,7 @@ class Run:
         loss = statistics.median(self.recent) if self.recent else self.least
         if loss > _WORSE * self.least:
             raise self._diverged(f"{loss:.4g}", f"a loss near the {self.least:.4g} of before")
+        least = min(loss, self.least)
         if not all(weights.half().isfinite().all() for weights in self.mean.trained.parameters()):
             raise self._diverged("weights beyond the range of half precision")
         content = {
@@ -548,14 +549,14 @@ class Run:
             "optimiser": self.optimiser.state_dict(),
             "step": self.step,
             "seconds": self.seconds,
-            "least": min(loss, self.least),
+            "least": least,
             "settings": self._settings(),
         }
         # Not write_atomically, which would hold the whole file in memory a second time.
         partial = self.session.out / "state.partial"
         torch.save(content, partial)
         partial.replace(self.session.out / "state.pt")
-        self.least = content["least"]
+        self.least = least
         export()
         if held_out is not None:
             # Not compiled: that takes longer than all validations of a short run.

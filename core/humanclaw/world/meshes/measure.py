@@ -21,10 +21,12 @@ CELL: Final = 0.025
 """Metres: twice the spacing of surface(), so that no cell of a surface stays empty."""
 _MOST: Final = 100.0
 """Largest side of a mesh, metres: its map has 16 million cells, 128 MB."""
-ANYWHERE: Final = (0.4, 0.85)
-MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
-"""Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for
+_ANYWHERE: Final = (0.4, 0.85)
+_MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
+"""Where the sitting surface of a category is surely found, in shares of the depth from the back; _ANYWHERE for
 others. Measured: couches are level from .32 of their depth to .94, beds from .06 to .96."""
+_RIM: Final = {"toilet": 0.9}
+"""Quantile of the heights from side to side that is the rim of an open bowl, whose middle bears nobody."""
 _CUSHION: Final = 0.035
 """Metres by which a cushion may rise over the middle of a seat. Measured: .012."""
 _LEVEL: Final = 0.85
@@ -113,16 +115,13 @@ class Seat:
     room: KeepOutBox | None
 
 
-def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
-    """Find the sitting surface of a mesh whose back is at -Z.
-
-    Middle: where it is surely found, in shares of the depth.
-    """
-    height_map = HeightMap.of(mesh)
+def seat_of(mesh: Mesh, category: str = "") -> Seat:
+    """Find the sitting surface of a mesh whose back is at -Z."""
+    height_map, middle = HeightMap.of(mesh), _MIDDLE.get(category, _ANYWHERE)
     a, b, c, d = height_map.part(0.35, 0.65, *middle)
-    inside = height_map.heights[a:b, c:d]
+    inside = height_map.heights[:, c:d] if category in _RIM else height_map.heights[a:b, c:d]
     inside = inside[inside > 0.1]  # Holes, and feet seen through them: nobody sits lower than 10 cm.
-    height = round(float(np.median(inside)), 3) if inside.size else 0.0
+    height = round(float(np.quantile(inside, _RIM.get(category, 0.5))), 3) if inside.size else 0.0
     low = height_map.heights < height + _CUSHION
     # Where that window is not level, a smaller one may be.
     windows = (a, b, c, d), height_map.part(0.42, 0.58, 0.5, 0.75)
