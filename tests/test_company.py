@@ -187,6 +187,13 @@ def test_one_of_two_cannot_begin_elsewhere_alone():
         two.play([lambda body: body.reset(fake_scene()), feedbacks("bow")])
 
 
+def test_one_speech_is_heard_in_half_a_second_and_the_speaker_told():
+    with company() as two:
+        told, heard = two.play([feedbacks("greet", "greet", "bow", "greet"), feedbacks("bow", "bow")])
+    assert [words.count("hello") for words in heard] == [1, 1]
+    assert ["nobody hears more" in words for words in told] == [False, True, False, False]
+
+
 @pytest.mark.parametrize(("metres", "hears"), [(7.9, True), (8.1, False)])
 def test_a_voice_carries_eight_metres(metres, hears):
     with company([NEAR, Pose2D(0.0, metres, np.pi)], fake_scene()) as two:

@@ -173,9 +173,11 @@ class Seat:
     def grip(self, side: Side, closed: bool) -> None:
         self.world.do(self.number, Grip(side, closed))
 
-    def speak(self, text: str) -> None:
-        """Let the others hear a text in their next half second."""
-        self.world.said.append((self.number, text))
+    def speak(self, text: str) -> bool:
+        """Let the others hear a text in their next half second, the first alone. Return whether this one is it."""
+        heard = self.number not in self.world.said
+        self.world.said.setdefault(self.number, text)
+        return heard
 
     def state(self) -> WorldState:
         return self.world.state(self.number)
@@ -200,7 +202,7 @@ class _World:
         """Of each body by the wall clock when the others go on without it, until it is called."""
         self._acts: dict[int, _Act] = {}
         self._answers: dict[int, Any] = {}
-        self.said: list[tuple[int, str]] = []
+        self.said: dict[int, str] = {}
         self._scene: Scene | None = None
 
     def enter(self) -> None:
@@ -295,7 +297,7 @@ class _World:
             raise HumanclawError(
                 f"{len(starts)} of {self._count} bodies of a company begin in one scene.", "Let all begin together."
             )
-        self._scene, self.said = starts[0][0], []
+        self._scene, self.said = starts[0][0], {}
         return dict(enumerate(self._simulator.reset_all(self._scene, [start for _, start in starts])))
 
     def _executed(self, motions: dict[int, Motion]) -> Mapping[int, Execution]:
@@ -303,7 +305,7 @@ class _World:
         motions = motions | {number: self.bodies[number].stands() for number in standing}
         executions = self._simulator.execute_all([motions[number] for number in range(self._count)])
         self._due = {number: due + _HALF for number, due in self._due.items() if number in standing}
-        said, self.said = self.said, []
+        said, self.said = self.said, {}
         if said:
             after = self._simulator.states()
             executions = [replace(done, heard=self._heard(k, said, after)) for k, done in enumerate(executions)]
@@ -311,13 +313,13 @@ class _World:
             self.bodies[number].stood(executions[number], number in self._playing)
         return dict(enumerate(executions))
 
-    def _heard(self, listener: int, said: Sequence[tuple[int, str]], states: Sequence[WorldState]) -> tuple[Heard, ...]:
+    def _heard(self, listener: int, said: Mapping[int, str], states: Sequence[WorldState]) -> tuple[Heard, ...]:
         """Return what a body hears of what was said, in the order of the speakers' seats."""
         here = states[listener].body
-        heads = {k: states[k].body.joints()[-1, JOINT_INDEX["head"]] for k in {k for k, _ in said} - {listener}}
+        heads = {k: states[k].body.joints()[-1, JOINT_INDEX["head"]] for k in said.keys() - {listener}}
         voices = {k: Pose2D.of(here).point_to_local(head).round(4).tolist() for k, head in heads.items()}
         near = {k for k in heads if self._carries(states[k], states[listener])}
-        return tuple(Heard(text, (*voices[k],)) for k, text in sorted(said, key=lambda each: each[0]) if k in near)
+        return tuple(Heard(text, (*voices[k],)) for k, text in sorted(said.items()) if k in near)
 
     def _carries(self, speaker: WorldState, listener: WorldState) -> bool:
         source, ear = speaker.body.root[-1], listener.body.root[-1]

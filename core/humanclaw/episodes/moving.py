@@ -106,10 +106,10 @@ class Mover:
         missed = part.closed and part.hand not in self.state.held
         return f"your {part.hand} hand closed on nothing" if missed else ""
 
-    def speak(self, part: Speech) -> None:
-        """Let the others in the world hear it. A simulator of one body has none."""
-        if hasattr(self._simulator, "speak"):
-            self._simulator.speak(part.text)
+    def speak(self, part: Speech) -> str:
+        """Let the others in the world hear it, and return why they will not. A simulator of one body has none."""
+        heard = not hasattr(self._simulator, "speak") or self._simulator.speak(part.text)
+        return "" if heard else "you have just spoken, and nobody hears more until half a second has passed"
 
 
 class Playing:
@@ -137,8 +137,8 @@ class Playing:
         if isinstance(part, Control):
             yield from self._controlled(part, index)
             return
-        if isinstance(part, Speech):
-            self._mover.speak(part)
+        if isinstance(part, Speech) and (limit := self._mover.speak(part)):
+            self.limits.append(limit)
         if isinstance(part, Grip) and (limit := self._mover.grip(part)):
             self.limits.append(limit)
         pose = self._mover.arms.pose(self._mover.history)

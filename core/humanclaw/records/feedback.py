@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import operator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
@@ -12,11 +11,10 @@ from pydantic import Field
 
 from humanclaw.body.pose import FPS
 from humanclaw.records.decisions import Answer
-from humanclaw.skills.call import Call
+from humanclaw.skills.call import Call, quoted
 from humanclaw.skills.gaze_grip_speech import Point, Side
 from humanclaw.skills.proprioception import posture_of
 from humanclaw.text.json import STRICT
-from humanclaw.text.words import legible
 from humanclaw.world.simulator import Heard
 
 _UNTOUCHED: Final = "You touch nothing but what you stand on."
@@ -142,7 +140,7 @@ class Feedback:
         fell = f"You {'are falling, so far' if self.falling else 'fell'} {self.fell:.1f} m." if self.fell else ""
         thought = f"{self.waited:g} s passed while you thought." if self.waited else ""
         return " ".join(
-            filter(None, (thought, self._action(), held, fell, self.sensor_readings, *map(_quoted, self.heard)))
+            filter(None, (thought, self._action(), held, fell, self.sensor_readings, *map(_told, self.heard)))
         )
 
     @property
@@ -169,10 +167,9 @@ def _touched(tactile: tuple[Touch, ...] | None) -> str:
     return " ".join([*([f"Something touched {met}."] if met else []), *held]) or _UNTOUCHED
 
 
-def _quoted(heard: Heard) -> str:
-    """Tell speech as a JSON string of one line: whatever is said, it ends at the quotation mark."""
+def _told(heard: Heard) -> str:
+    """Tell who speaks from where, and what."""
     left, _, ahead = heard.at
     sides = ("to your left", "to your right") if abs(left) > abs(ahead) else ("ahead of you", "behind you")
     side = sides[max(left, ahead, key=abs) < 0]
-    words = json.dumps(" ".join(legible(heard.text).split()), ensure_ascii=False)
-    return f"The other person, {np.hypot(left, ahead):.0f} m {side}, says: {words}."
+    return f"The other person, {np.hypot(left, ahead):.0f} m {side}, says: {quoted(heard.text)}."

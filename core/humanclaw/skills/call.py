@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -9,7 +10,7 @@ from typing import Any, ClassVar
 from humanclaw.errors import CallError
 from humanclaw.skills.contract import Skill
 from humanclaw.text.json import HELD
-from humanclaw.text.words import did_you_mean
+from humanclaw.text.words import did_you_mean, legible
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,17 @@ class Call:
     params: Mapping[str, Any] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        return f"{self.skill}({', '.join(f'{key}={value}' for key, value in self.params.items())})"
+        return f"{self.skill}({', '.join(f'{key}={_shown(value)}' for key, value in self.params.items())})"
+
+
+def quoted(text: str) -> str:
+    """Return a text as a JSON string of one line: whatever it says, it ends at the quotation mark."""
+    return json.dumps(" ".join(legible(text).split()), ensure_ascii=False)
+
+
+def _shown(value: object) -> object:
+    """Quote a text of more than one word, which could pass for feedback."""
+    return quoted(value) if isinstance(value, str) and not value.isidentifier() else value
 
 
 def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:

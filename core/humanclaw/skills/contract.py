@@ -117,6 +117,9 @@ class Skill:
         filled = {key: part["default"] for key, part in properties.items() if "default" in part} | dict(params)
         if faults := faults_of(filled, self.schema):
             raise CallError(f"{self.name} was not executed: {'; '.join(faults)}. {self.usage()}")
+        worded = (key for key in properties.keys() & filled.keys() if properties[key].get("minLength"))
+        if blank := [key for key in worded if not str(filled[key]).strip()]:
+            raise CallError(f"{self.name} was not executed: {blank[0]} is blank. {self.usage()}")
         # JSON Schema holds NaN to no bound.
         numbers = ((key, number) for key, value in filled.items() for number in _numbers(value))
         if odd := [key for key, number in numbers if isinstance(number, float) and not math.isfinite(number)]:
