@@ -583,8 +583,53 @@ def test_models_in_bytes_may_be_larger_than_those_in_text(tmp_path: Path) -> Non
     triangle = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
     (tmp_path / "model.stl").write_bytes(bytes(80) + struct.pack("<I", 700_000) + triangle * 700_000)
     assert sum(len(part.faces) for part in read_model(tmp_path / "model.stl").parts) == 700_000
-    (tmp_path / "model.obj").write_bytes(b"#" * 35_000_000)
+    (tmp_path / "model.off").write_bytes(b"#" * 35_000_000)
     with pytest.raises(SceneError, match=r"larger than 32 MiB.*convert it to glb"):
+        read_model(tmp_path / "model.off")
+
+
+def test_an_obj_of_a_million_triangles_is_read(tmp_path: Path) -> None:
+    """A sheet of 700 by 700 squares, in triangles with uv on its left and in squares on its right."""
+    numbers = np.arange(1, 701 * 701 + 1).reshape(701, 701)
+    a, b, c, d = (corner.ravel() for corner in (numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:]))
+    points = "".join(f"v {k // 701} {k % 701} 0.25\n" for k in range(701 * 701))
+    left, right = slice(0, 350 * 700), slice(350 * 700, None)
+    triangles = np.stack([a, a, b, b, c, c, a, a, c, c, d, d], 1)[left].tolist()
+    squares = np.stack([a, b, c, d], 1)[right].tolist()
+    text = points + "vt 0 0\n" * (701 * 701)
+    text += "".join("f {}/{}/1 {}/{}/1 {}/{}/1\nf {}/{}/1 {}/{}/1 {}/{}/1\n".format(*row) for row in triangles)
+    (tmp_path / "model.obj").write_text(text + "".join("f {} {} {} {}\n".format(*row) for row in squares))
+    for part in read_model(tmp_path / "model.obj").parts:
+        assert len(part.faces) == 490_000
+        assert trimesh.Trimesh(part.vertices, part.faces, process=False).area == pytest.approx(245_000)
+
+
+@pytest.mark.parametrize(("lines", "shape", "told"), [
+    ("vt 0\nvt 1 0\nvt 0 1 0\nf 1/1 2/2 3/3\n", [CORNERS], ()),
+    ("f 1 2 \\ \n3\n", [CORNERS], ()), ("f 1 2 3 \\", [CORNERS], ()),
+    ("f \nf 1 2\nF 3 1 2\n", [np.roll(CORNERS, 1, 0)], ()),
+    ("mtllib model.obj\nf 1 2 3\n", [CORNERS], ()), ("mtllib other.mtl\nf 1 2 3\n", [CORNERS], ()),
+    ("vn 0 0 1\nv 0 0 1\nvn 0 0 1\nv 2 0 1\nvn 0 0 1\nv 0 1 1\nf -3//1 -2//-2 -1//3 # three\n",
+     [np.add(CORNERS, [0, 0, 1])], ()),
+    ("f 1 2 3\ncstype bspline\nsurf 0 1 0 1 1 2 3\nend\n", [CORNERS], ("curved surfaces: 1",)),
+    ("mtllib seen.mtl\nusemtl glass\nf 1 2 3\n", [CORNERS],
+     ("pieces that shine (drawn without their light): 1", "see-through pieces (drawn solid): 1")),
+])  # fmt: skip
+def test_odd_lines_of_an_obj_are_read_or_counted(tmp_path: Path, lines: str, shape: Any, told: Any) -> None:
+    (tmp_path / "other.mtl").write_text("mtllib other.mtl\nnewmtl a\nKd 1 0 0\nv 9 9 9\nf 1 2 3\n")
+    (tmp_path / "seen.mtl").write_text("newmtl glass\nKd 1 0 0\nd 0.0\nKe 1 1 1\nnewmtl wall\nd 1.0\nTr 0\nKe 0 0 0\n")
+    (tmp_path / "model.obj").write_text(f"{TRIANGLE}{lines}")
+    model = read_model(tmp_path / "model.obj")
+    np.testing.assert_allclose([part.vertices[part.faces][0] for part in model.parts], shape)
+    assert tuple(sorted(model.left_out)) == told
+
+
+@pytest.mark.parametrize("line", [
+    "v 2 0", "v 2 x 0", "v", "vt", "vt x 0", "f 1 two 3", "f 1.0 2.0 3.0", "f /1 /2 /3", "f 1/x 2/1 3/1", "f 1 2 3-",
+])  # fmt: skip
+def test_a_line_of_an_obj_that_cannot_be_read_is_quoted(tmp_path: Path, line: str) -> None:
+    (tmp_path / "model.obj").write_text(f"{TRIANGLE}{line}\nf 1 2 3\n")
+    with pytest.raises(SceneError, match=rf"model.obj cannot be read: its line '{line}' must hold .* Correct it, or"):
         read_model(tmp_path / "model.obj")
 
 

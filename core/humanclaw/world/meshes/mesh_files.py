@@ -25,9 +25,9 @@ _READERS: Final = {
 MODEL_BYTES: Final = 512 * MIB
 """Maximum bytes of a model file, and of each file that it names."""
 TEXT_BYTES: Final = 32 * MIB
-"""Maximum bytes of a model in text: read, it takes twenty times as much."""
-_IN_BYTES: Final = {"glb": b"", "ply": b"\nformat binary", "stl": b"\0"}
-"""What the beginning of a model holds that is not in text, by its kind."""
+"""Maximum bytes of a model in text: read, it takes twenty times as much, but for OBJ."""
+_LIGHT: Final = {"glb": b"", "obj": b"", "ply": b"\nformat binary", "stl": b"\0"}
+"""What the beginning of a model holds that takes less, by its kind: most are in bytes."""
 _LFS: Final = b"version https://git-lfs"
 
 
@@ -65,7 +65,7 @@ def read_model(path: Path) -> Model:
 
 def _content(path: Path, kind: str) -> bytes:
     """Return the bytes of a model file. Raises SceneError for one that is too large."""
-    most, mark = MODEL_BYTES, _IN_BYTES.get(kind)
+    most, mark = MODEL_BYTES, _LIGHT.get(kind)
     try:
         with open_file(path, most) as stream:
             if mark is None or mark not in stream.peek():

@@ -12,31 +12,73 @@ import numpy as np
 
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
-from humanclaw.world.meshes.parts import PLAIN, Part, mean_colour, picture_of, text_of
-from humanclaw.world.meshes.polygons import cut
+from humanclaw.world.meshes.parts import (
+    CLEAR,
+    PLAIN,
+    SHINING,
+    Part,
+    mean_colour,
+    numbers,
+    picture_of,
+    text_of,
+    wrong_line,
+)
+from humanclaw.world.meshes.polygons import Indices, cut
 
 _MATERIALS: Final = 3000
 """Maximum materials: each becomes a part."""
 _OPTION: Final = re.compile(r"-(?:([ost])((?:\s+[-+]?\.?\d[-+.\de]*){1,3})|mm\s+\S+\s+\S+|\w+\s+\S+)\s+")
 """An option before the name of a picture: s scales it, o moves it."""
-_CONTINUED: Final = re.compile(r"(?<![^\0-\x7f])\\\n")
+_CONTINUED: Final = re.compile(r"(?<![^\0-\x7f])\\ *\n")
 """The end of a line that goes on. Behind a letter, a backslash is the second half of one in Shift-JIS."""
-
-Corner = tuple[int, int]
-"""Numbers of its vertex and its uv; -1 for no uv."""
+_FACE: Final = re.compile(r"fo?( +-?0(/(-?0)?(/(-?0)?)?)?)* *", re.IGNORECASE)
+"""A line of a face, all its numbers 0."""
+_NONE: Final = 1 << 62
+"""Number of the uv of a corner that has none: more than there are."""
+_WORDS: Final = str.maketrans("fFoO/", "     ")
 
 
 def obj_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> list[Part]:
     """Return the parts of an OBJ file. beside: reads a file that it names. lost: counts what is left out.
 
-    Raises SceneError for a corner that it does not have, and for more materials than it may have.
+    Raises SceneError for a line that cannot be read, for a corner that the file does not have, and for more materials
+    than it may have.
     """
-    file = _File(beside, lost)
-    for line in _CONTINUED.sub(" ", text_of(data)).split("\n"):
-        file.take(line)
+    text = text_of(data).replace("\t", " ")
+    if "\\" in text:
+        text = _CONTINUED.sub(" ", f"{text}\n")
+    if text.startswith(" ") or "\n " in text:
+        text = re.sub(r"(?m)^ +", "", text)
+    file = _File(_Lines(text), beside, lost)
     if len(file.polygons) > _MATERIALS:
         raise SceneError(f"it has more than {_MATERIALS:,} materials.", "Join those that look alike.")
-    return [file.part(*key) for key in file.polygons]
+    return [file.part(*key) for key in sorted(file.polygons)]
+
+
+class _Lines:
+    """The lines of a text by their first two letters, without a loop over them: a scan has millions."""
+
+    def __init__(self, text: str) -> None:
+        self._data = np.frombuffer(f"{text}\n\n".encode(), np.uint8)
+        starts = np.append(0, np.flatnonzero(self._data == ord("\n")) + 1)[:-1]
+        self._lengths = np.diff(starts)
+        self._heads = [self._data[starts[:-1] + k] | 32 for k in (0, 1)]  # In lower case; a blank stays one.
+
+    def where(self, *heads: str) -> Indices:
+        """Return the numbers of the lines that begin with one of heads."""
+        first, second = self._heads
+        chosen = [(first == ord(head[0])) & (second == ord(head[1]) if head[1:] else True) for head in heads]
+        return np.flatnonzero(np.any(chosen, axis=0))
+
+    def others(self, *heads: str) -> Indices:
+        """Return the numbers of the lines that begin with none of heads."""
+        return np.setdiff1d(np.arange(len(self._lengths)), self.where(*heads), assume_unique=True)
+
+    def text(self, numbers: Indices) -> str:
+        """Return these lines, each with its end."""
+        chosen = np.zeros(len(self._lengths), bool)
+        chosen[numbers] = True
+        return bytes(self._data[: self._lengths.sum()][np.repeat(chosen, self._lengths)]).decode()
 
 
 @dataclass
@@ -46,6 +88,27 @@ class _Material:
     colour: tuple[int, int, int] | None = None
     picture: str = ""
     options: dict[str, list[float]] = field(default_factory=dict)
+    lost: set[str] = field(default_factory=set)
+    """What is left out of each piece of it."""
+
+    def take(self, word: str, rest: str) -> None:
+        """Take a line of an MTL file. Raises ValueError if it cannot be read."""
+        numbers = rest.partition("#")[0].split()
+        match word.lower():
+            case "kd":
+                values = [min(max(float(number.replace(",", ".")), 0.0), 1.0) for number in numbers]
+                red, green, blue = (values * 3)[:3]  # One number is a grey.
+                self.colour = round(255 * red), round(255 * green), round(255 * blue)
+            case "map_kd":
+                self.take_picture(rest.strip())
+            case "d" | "tr" if numbers and float(numbers[-1]) != (word.lower() == "d"):
+                self.lost.add(CLEAR)
+            case "map_d":
+                self.lost.add(CLEAR)
+            case "ke" if any(float(number) > 0 for number in numbers):
+                self.lost.add(SHINING)
+            case "map_ke":
+                self.lost.add(SHINING)
 
     def take_picture(self, words: str) -> None:
         """Take the name of its picture, behind its options."""
@@ -60,95 +123,129 @@ class _Material:
         return np.asarray(uv * scale + move)
 
 
-@dataclass
 class _File:
-    """A file, as far as it is read."""
+    """A file: its vertices, places in pictures, materials, and the polygons of each of those."""
 
-    beside: Callable[[str], bytes]
-    lost: Counter[str]
-    vertices: list[list[str]] = field(default_factory=list)
-    uvs: list[list[str]] = field(default_factory=list)
-    polygons: dict[tuple[str, bool], list[list[Corner]]] = field(default_factory=lambda: defaultdict(list))
-    """By the name of their material, and whether all their corners have uv."""
-    materials: dict[str, _Material] = field(default_factory=lambda: defaultdict(_Material))
-    current: str = ""
-    """Material of the polygons that follow."""
-    told: str = ""
-    """Material of the lines of an MTL file that follow."""
+    def __init__(self, lines: _Lines, beside: Callable[[str], bytes], lost: Counter[str]) -> None:
+        self._beside, self._lost = beside, lost
+        self._lines, points, places = lines, lines.where("v "), lines.where("vt")
+        self._vertices = numbers(lines.text(points), 1, 3, 6, np.nan)
+        self._uvs = numbers(lines.text(places), 1, 1, 2, 0.0)
+        self._materials, self._names = defaultdict[str, _Material](_Material), [""]
+        self._changes: list[int] = []
+        """Numbers of the lines from which on the polygons have the next of the names."""
+        others = lines.others("v ", "vt", "vn", "f ", "fo", "#", "*")
+        for number, line in zip(others.tolist(), lines.text(others).split("\n"), strict=False):
+            self._take(number, line)
+        self.polygons = defaultdict[tuple[int, bool], list[Indices]](list)
+        """(K, corners, 2) numbers of vertices and of uv, -1 for none; by the first use of their material, and whether a
+        corner has no uv."""
+        self._take_faces(lines.where("f ", "fo"), points, places)
 
-    def take(self, line: str) -> None:
-        """Take a line of an OBJ or MTL file."""
-        word, _, rest = line.replace("\t", " ").strip().partition(" ")
-        numbers = rest.partition("#")[0].split()
+    def _take(self, number: int, line: str) -> None:
+        """Take a line of anything but numbers."""
+        word, _, rest = line.strip().partition(" ")
         match word.lower():
             case "v":
-                self.vertices.append(numbers)
-            case "vt":
-                self.uvs.append(numbers)
-            case "f" | "fo":
-                corners = [self._corner(word) for word in numbers]
-                self.polygons[self.current, all(uv >= 0 for _, uv in corners)].append(corners)
+                raise wrong_line(line, "3 numbers")
             case "l" | "p":
-                self.lost["lines and points"] += 1
+                self._lost["lines and points"] += 1
+            case "surf" | "curv" | "curv2":
+                self._lost["curved surfaces"] += 1
             case "usemtl":
-                self.current = rest.strip()
+                self._names.append(rest.strip())
+                self._changes.append(number)
             case "mtllib":
                 for name in re.split(r"(?<=\.mtl)\s+", rest.strip(), flags=re.IGNORECASE):
                     self._library(name)
-            case "newmtl":
-                self.told = rest.strip()
-            case "kd":
-                values = [min(max(float(number.replace(",", ".")), 0.0), 1.0) for number in numbers]
-                red, green, blue = (values * 3)[:3]  # One number is a grey.
-                self.materials[self.told].colour = round(255 * red), round(255 * green), round(255 * blue)
-            case "map_kd":
-                self.materials[self.told].take_picture(rest.strip())
 
     def _library(self, name: str) -> None:
         try:
-            lines = text_of(self.beside(name)).split("\n")
+            lines = text_of(self._beside(name)).split("\n")
         except (OSError, ValueError):
-            self.lost[f"files that cannot be read ({name})"] += 1
+            self._lost[f"files that cannot be read ({name})"] += 1
             return
+        told = _Material()
         for line in lines:
+            word, _, rest = line.replace("\t", " ").strip().partition(" ")
+            if word.lower() == "newmtl":
+                told = self._materials[rest.strip()]
+                continue
             try:
-                self.take(line)
+                told.take(word, rest)
             except ValueError:  # As of a Kd of a spectrum.
-                self.lost[f"lines that cannot be read ({name})"] += 1
+                self._lost[f"lines that cannot be read ({name})"] += 1
 
-    def _corner(self, word: str) -> Corner:
-        point, place, *_ = *word.split("/"), ""
-        uv = _number(place, self.uvs) if place else -1
-        return _number(point, self.vertices), uv if uv in range(len(self.uvs)) else -1
+    def _take_faces(self, where: Indices, points: Indices, places: Indices) -> None:
+        """Take the polygons of the lines of these numbers. points, places: those of the vertices and uv."""
+        first = {name: self._names.index(name) for name in set(self._names)}
+        used = np.array([first[name] for name in self._names])[np.searchsorted(self._changes, where)]
+        above = np.stack([np.searchsorted(points, where), np.searchsorted(places, where)], axis=-1)
+        lines = self._lines.text(where).split("\n")[:-1]
+        for shape, found in _alike(lines).items():
+            corners = _corners(shape, [lines[k] for k in found])
+            if (corners == 0).any():
+                raise SceneError("a face names corner 0: OBJ counts from 1.", "Add 1 to the numbers of its faces.")
+            corners = np.where(corners > 0, corners - 1, corners + above[found, None])
+            corners[..., 1][(corners[..., 1] < 0) | (corners[..., 1] >= above[found, None, 1])] = -1
+            keys = 2 * used[found] + (corners[..., 1] < 0).any(axis=1)
+            order = np.argsort(keys, kind="stable")
+            for some in np.split(order, np.flatnonzero(np.diff(keys[order])) + 1):
+                self.polygons[int(keys[some[0]]) // 2, bool(keys[some[0]] % 2)].append(corners[some])
 
-    def part(self, name: str, has_uv: bool) -> Part:
-        """Return the polygons of a material, all with or all without uv."""
-        material, polygons = self.materials[name], self.polygons[name, has_uv]
-        counts = np.array([len(corners) for corners in polygons])
-        points, places = np.array([corner for corners in polygons for corner in corners], np.int64).reshape(-1, 2).T
-        size = len(self.vertices)
+    def part(self, number: int, bare: bool) -> Part:
+        """Return the polygons of a material; bare: those of which a corner has no uv."""
+        material = self._materials[self._names[number]]
+        blocks = sorted(self.polygons[number, bare], key=lambda block: block.shape[1])
+        points, places = np.concatenate([block.reshape(-1, 2) for block in blocks]).T
+        size = len(self._vertices)
         if (wrong := points[(points < 0) | (points >= size)] + 1).size:
             raise SceneError(f"a face names vertex {wrong[0]} of {size}.", "Check that the file is complete.")
-        keys = points * (len(self.uvs) + 1) + places
-        _, first, corners = np.unique(keys, return_index=True, return_inverse=True)
-        starts = np.cumsum(counts) - counts
-        loops = [corners[starts[counts == count, None] + np.arange(count)] for count in np.unique(counts)]
-        rows = [self.vertices[point] for point in points[first]]
-        vertices = np.array([row[:3] for row in rows], float).reshape(-1, 3)
+        _, first, corners = np.unique(points * (len(self._uvs) + 1) + places, return_index=True, return_inverse=True)
+        ends = np.cumsum([block[..., 0].size for block in blocks])[:-1]
+        loops = [c.reshape(block.shape[:2]) for c, block in zip(np.split(corners, ends), blocks, strict=True)]
+        rows = self._vertices[points[first]]
         colour, uv, picture = material.colour, None, None
-        if colour is None and rows and all(len(row) > 5 for row in rows):  # Place and colour.
-            colour = mean_colour(np.array([row[3:6] for row in rows], float), self.lost)
-        if material.picture and has_uv:
-            picture = picture_of(material.picture, self.beside, self.lost)
-            uv = material.placed(np.array([self.uvs[place][:2] for place in places[first]], float))
+        if colour is None and np.isfinite(rows[:, 5]).all() and len(rows):  # Place and colour.
+            colour = mean_colour(rows[:, 3:], self._lost)
+        self._lost.update(material.lost)
+        if material.picture and not bare and np.isfinite(self._uvs[places[first]]).all():
+            picture = picture_of(material.picture, self._beside, self._lost)
+            uv = material.placed(self._uvs[places[first]])
         elif material.picture:
-            self.lost["pieces without places in their picture"] += 1
-        return Part(vertices, cut(vertices, loops, self.lost), uv, colour or PLAIN, picture)
+            self._lost["pieces without places in their picture"] += 1
+        return Part(rows[:, :3], cut(rows[:, :3], loops, self._lost), uv, colour or PLAIN, picture)
 
 
-def _number(word: str, rows: list[list[str]]) -> int:
-    """Return a number from 0. OBJ counts from 1, or back from the last row before this line."""
-    number = int(word)
-    if not number:
-        raise SceneError("a face names corner 0: OBJ counts from 1.", "Add 1 to the numbers of its faces.")
-    return number - 1 if number > 0 else len(rows) + number
+def _alike(lines: list[str]) -> dict[str, Indices]:
+    """Return the numbers of the lines of each shape, which is a line with 0 for each of its numbers."""
+    data = np.frombuffer("\n".join(lines).encode(), np.uint8).copy()
+    digit = (data >= ord("0")) & (data <= ord("9"))
+    data[digit] = ord("0")
+    again = digit & np.append(False, digit[:-1])
+    shapes = data[~again].tobytes().decode().split("\n") if lines else []
+    if len(set(shapes)) == 1:
+        return {shapes[0]: np.arange(len(lines))}
+    found = defaultdict[str, list[int]](list)
+    for number, shape in enumerate(shapes):
+        found[shape].append(number)
+    return {shape: np.array(some) for shape, some in found.items()}
+
+
+def _corners(shape: str, lines: list[str]) -> Indices:
+    """Return the (K, corners, 2) numbers of vertex and uv, as they are written, of K lines of a shape; _NONE for no uv.
+
+    Raises SceneError, which quotes the first line, if its shape is not a face's.
+    """
+    if "#" in shape:
+        shape, lines = shape.partition("#")[0], [line.partition("#")[0] for line in lines]
+    if not _FACE.fullmatch(shape):
+        raise wrong_line(lines[0], "numbers of its corners, as in f 1/1 2/2 3/3")
+    words = [word.split("/") for word in shape.split()[1:]]
+    written = np.fromstring("\n".join(lines).translate(_WORDS), np.int64, sep=" ").reshape(len(lines), -1)
+    written = np.pad(written, ((0, 0), (0, 1)), constant_values=_NONE)
+    at, columns = 0, list[tuple[int, int]]()
+    for word in words:
+        columns.append((at, at + 1 if any(word[1:2]) else -1))
+        at += sum(map(bool, word))
+    return written[:, np.array(columns, int).reshape(-1, 2)]

@@ -7,7 +7,7 @@ from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from io import BytesIO
+from io import BytesIO, StringIO
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +21,9 @@ MOST: Final = 20_000_000
 """Maximum vertices and triangles of a model, copies included."""
 PLAIN: Final = (102, 102, 102)
 """sRGB colour of what has none."""
+CLEAR: Final = "see-through pieces (drawn solid)"
+SHINING: Final = "pieces that shine (drawn without their light)"
+"""What a part cannot say of a material."""
 _LARGEST_PICTURE: Final = 8192 * 8192
 """Maximum pixels of a picture."""
 _PIXELS: Final = 2048
@@ -88,9 +91,42 @@ def text_of(data: bytes) -> str:
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    if re.search(r"(?m)^\s*v(?:ertex)?\s[^\n]*\d,\d", text):
+    if "," in text and re.search(r"(?m)^\s*v(?:ertex)?\s[^\n]*\d,\d", text):
         raise SceneError("its numbers have decimal commas.", "Export it with decimal points.")
     return text
+
+
+def numbers(lines: str, first: int, least: int, most: int, fill: float) -> Array:
+    """Return the (N, most) numbers of N lines from their word first on, fill for those that a line does not have.
+
+    Raises SceneError, which quotes the line, for one of fewer than least, or of something else.
+    """
+    if not lines:
+        return np.zeros((0, most))
+    width = min(len(lines.partition("\n")[0].partition("#")[0].split()) - first, most)
+    try:
+        if not least <= width:
+            raise ValueError
+        table = np.loadtxt(StringIO(lines), usecols=range(first, first + width), ndmin=2)
+        return np.pad(table, ((0, 0), (0, most - width)), constant_values=fill)
+    except ValueError:  # They are not all alike.
+        rows = [_row(line, first, least, most) for line in lines.removesuffix("\n").split("\n")]
+        return np.array([row + [fill] * (most - len(row)) for row in rows])
+
+
+def _row(line: str, first: int, least: int, most: int) -> list[float]:
+    try:
+        row = [float(word) for word in line.partition("#")[0].split()[first : first + most]]
+    except ValueError:
+        row = []
+    if len(row) < least:
+        raise wrong_line(line, f"{least} number{'s' * (least > 1)}")
+    return row
+
+
+def wrong_line(line: str, wanted: str) -> SceneError:
+    """Return what to raise for a line of a model in text that must hold something else."""
+    return SceneError(f"its line {line[:60]!r} must hold {wanted}.", "Correct it, or export the file again.")
 
 
 def bounds(parts: Sequence[Part]) -> tuple[Array, Array]:
