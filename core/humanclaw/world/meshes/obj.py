@@ -206,7 +206,7 @@ class _File:
         loops = [c.reshape(block.shape[:2]) for c, block in zip(np.split(corners, ends), blocks, strict=True)]
         rows = self._vertices[points[first]]
         colour, uv, picture = material.colour, None, None
-        if colour is None and np.isfinite(rows[:, 5]).all() and len(rows):  # Place and colour.
+        if colour is None and np.isfinite(rows[:, 3:]).all() and len(rows):  # Place and colour.
             colour = mean_colour(rows[:, 3:], self._lost)
         self._lost.update(material.lost)
         if material.picture and not bare and np.isfinite(self._uvs[places[first]]).all():
