@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -38,6 +38,7 @@ from humanclaw import (
 from humanclaw.records import EpisodeRecord
 from humanclaw.world import geodesics
 from humanclaw_bench.executors import ONE_THREAD, for_children
+from humanclaw_bench.two.partners import PARTNER
 
 UNTOLD: Final = frozenset({"seconds"})
 """Fields of a step that differ from run to run."""
@@ -95,12 +96,20 @@ def replay(recorded: RecordedEpisode, files: Sequence[Path] = ()) -> Replayed:
 
 
 def _together(recorded: RecordedEpisode, files: tuple[Path, ...], folder: Path) -> Replayed:
-    """Play an episode again with those of the other bodies in its scene."""
+    """Play an episode again with those of the other bodies in its scene; a partner's record is a part of its own."""
     bodies = [RecordedEpisode(recorded.folder.parent / name) for name in recorded.record.company]
     starts, record = [other.record.start for other in bodies], recorded.record
     with Company(record.spec.scene, starts, **_made_of(record, files)) as company:
         compared = company.play([partial(_compared, other, folder) for other in bodies])
-    return compared[record.company.index(record.spec.id)]
+    own = compared[record.company.index(record.spec.id)]
+    for other, result in zip(bodies, compared, strict=True):
+        if other.folder.parent == recorded.folder:
+            own = replace(
+                own,
+                differing=(*own.differing, *(f"{PARTNER}: {what}" for what in result.differing)),
+                incomparable=own.incomparable or (result.incomparable and f"{PARTNER}: {result.incomparable}"),
+            )
+    return own
 
 
 def _made_of(record: EpisodeRecord, files: tuple[Path, ...]) -> dict[str, Any]:
@@ -122,7 +131,9 @@ def _compared(recorded: RecordedEpisode, run: Path, body: Body) -> Replayed:
     broken = next((step.step for step in steps if step.cancelled), len(steps))
     reason = f"step {broken} was broken off in its middle" if broken < len(steps) else ""
     verifier = _Recorded(record.verifier, steps) if any(step.verdict for step in steps) else None
-    with Episode(body, record.spec, record.agent, verifier, folder=folder, distance=geodesics) as episode:
+    # A partner's way to the target is not measured.
+    distance = None if recorded.folder.name == PARTNER and record.spec.id == PARTNER else geodesics
+    with Episode(body, record.spec, record.agent, verifier, folder=folder, distance=distance) as episode:
         if other := list(_other_versions(record, episode.record, steps)):
             return Replayed(record.spec.id, 0, incomparable=f"other versions are installed: {', '.join(other)}")
         for step in steps[:broken]:

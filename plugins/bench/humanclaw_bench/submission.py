@@ -80,8 +80,9 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
 
 
 def run_digest(run: Path, episodes: Iterable[RecordedEpisode]) -> str:
-    """Return the SHA-256 of a run's run.json and of its records, in any order."""
-    lines = [Folder(run).digest(MANIFEST, LARGEST), *sorted(episode.digest for episode in episodes)]
+    """Return the SHA-256 of a run's run.json and of its records, those of partners too, in any order."""
+    records = (record for episode in episodes for record in (episode, *episode.company().values()))
+    lines = [Folder(run).digest(MANIFEST, LARGEST), *sorted(record.digest for record in records)]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 

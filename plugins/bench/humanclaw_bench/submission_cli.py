@@ -146,7 +146,7 @@ def leaderboard(
 def _write_page(plugins: Plugins, run: Path, out: Path) -> None:
     """Copy the records of a run, which may be a stranger's, and none of its other files; write their page."""
     out.mkdir(parents=True, exist_ok=True)
-    for episode in load_run(run):
+    for episode in (record for whole in load_run(run) for record in (whole, *whole.company().values())):
         copy = Folder(out) / episode.files.path.relative_to(run).as_posix()
         for name in ("episode.json", *episode.record.files):
             copy.write(name, episode.files.read(name, MOTION_BYTES), settled=False)

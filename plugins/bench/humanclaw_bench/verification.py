@@ -21,6 +21,7 @@ from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw.storage import Folder, lacking
 from humanclaw_bench.splits import SPLITS, load_split
+from humanclaw_bench.two.partners import PARTNER, part_of
 
 M = TypeVar("M", bound=BaseModel)
 MANIFEST: Final = "run.json"
@@ -100,6 +101,7 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
         for episode in episodes
         if not _sealed(episode.record)
     ]
+    faults += [fault for episode in episodes for fault in _partner_faults(episode)]
     if manifest is None:
         return Standing(0, tuple(faults))
     beside = any(map(_in_process, episodes))
@@ -132,6 +134,20 @@ def check(run: Path) -> tuple[int, Standing]:
             damaged.append(error.message)
     known = standing(run, whole)
     return len(held), replace(known, faults=(*damaged, *known.faults))
+
+
+def _partner_faults(episode: RecordedEpisode) -> Iterator[str]:
+    """Yield what is wrong with the record of an episode's partner, which lies in the episode's folder."""
+    spec = episode.record.spec
+    if spec.partner is None or not episode.has_motion:
+        return
+    try:
+        partner = RecordedEpisode(episode.folder / PARTNER).record
+    except RecordError as error:
+        yield error.message
+    else:
+        if partner.spec != part_of(spec) or not _sealed(partner):
+            yield f"{episode.folder / PARTNER} is not the sealed record of this episode's partner."
 
 
 def _foreign(run: Path, manifest: Manifest, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:

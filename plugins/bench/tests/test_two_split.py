@@ -1,5 +1,6 @@
 """The split with a partner: how it is drawn, what counts as met and followed, and how it is played and recorded."""
 
+import shutil
 from collections import Counter
 from functools import partial
 from importlib.metadata import entry_points
@@ -16,7 +17,7 @@ import humanclaw_skill_hands
 import humanclaw_skill_say
 from humanclaw import Call, Company, EpisodeSpec, Plugins, RecordedEpisode, StepRecord, load_run
 from humanclaw.body import FPS, HISTORY, Motion, Pose2D, rest_pose
-from humanclaw.records import Goal, Partner, write_episodes
+from humanclaw.records import Goal, Partner, close_record, write_episodes
 from humanclaw.storage import Folder
 from humanclaw.world import Contact, Heard, MultiFloorMap, SceneBuilder
 from humanclaw_bench.cli import bench
@@ -227,16 +228,22 @@ def test_nobody_plays_on_whose_partner_cannot_play(tmp_path):
     assert len(load_run(tmp_path / "run")[0].steps) <= 2
 
 
+def solved(folder, task, files=()):
+    """The run of an episode that the oracle played."""
+    spec = next(spec for spec in load_split("two") if spec.partner.task == task)
+    write_episodes(folder / "one.jsonl", [spec])
+    run = folder / "run"
+    asked = ["--split", str(folder / "one.jsonl"), "--out", str(run), *(f"--plugin={file}" for file in files)]
+    told = CliRunner().invoke(bench, ["run", "--agent", "oracle", *asked], catch_exceptions=False)
+    assert told.exit_code == 0, told.output
+    return run
+
+
 @pytest.mark.integration
 @pytest.mark.parametrize("task", ["meet", "follow", "give"])
 def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, task):
-    spec = next(spec for spec in load_split("two") if spec.partner.task == task)
-    write_episodes(tmp_path / "one.jsonl", [spec])
-    run = tmp_path / "run"
     files = HANDS if task == "give" else []
-    asked = ["--split", str(tmp_path / "one.jsonl"), "--out", str(run), *(f"--plugin={file}" for file in files)]
-    told = CliRunner().invoke(bench, ["run", "--agent", "oracle", *asked], catch_exceptions=False)
-    assert told.exit_code == 0, told.output
+    run = solved(tmp_path, task, files)
     (episode,) = load_run(run)  # The partner's record is not an episode of the run.
     partner = RecordedEpisode(episode.folder / "partner")
     assert verdict(Together.of(episode)) == "success"
@@ -245,3 +252,27 @@ def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, tas
     shown = CliRunner().invoke(bench, ["table", str(run), "--format", "markdown"], catch_exceptions=False).output
     assert "MeetSR" in shown
     assert CliRunner().invoke(bench, ["verify", str(run)]).exit_code == 0
+
+
+@pytest.mark.integration
+def test_a_partners_record_that_was_changed_is_named(tmp_path):
+    run = solved(tmp_path, "meet")
+    (episode,) = load_run(run)
+    partner = RecordedEpisode(episode.folder / "partner")
+    first, *rest = partner.steps
+    told = [step.model_dump_json() for step in (first.model_copy(update={"yaw_end": first.yaw_end + 0.1}), *rest)]
+    (partner.folder / "steps.jsonl").write_text("\n".join(told) + "\n", "utf-8")
+    assert str(partner.folder) in verified(run)  # Its digest is another.
+    close_record(partner.folder, partner.record)
+    assert "partner: step 0: its yaw_end differs." in verified(run, "--replay")
+    (partner.folder / "motion.npz").unlink()
+    assert str(partner.folder) in verified(run)
+    shutil.rmtree(partner.folder)
+    assert str(partner.folder) in verified(run)
+
+
+def verified(run, *options):
+    """What verify says of a run that is not whole."""
+    told = CliRunner().invoke(bench, ["verify", str(run), *options], catch_exceptions=False)
+    assert told.exit_code == 1, told.output
+    return told.output

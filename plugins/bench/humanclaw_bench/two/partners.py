@@ -169,14 +169,20 @@ class Asker(Walker):
         yield self._asking({}, "grasp", side)
 
 
-def accompany(spec: EpisodeSpec, folder: Folder, ending: Ending, body: Body) -> None:
-    """Play the partner of an episode in a body until the ending is met."""
+def part_of(spec: EpisodeSpec) -> EpisodeSpec:
+    """Return the partner's part in an episode that has one, as an episode of its own."""
     assert spec.partner is not None
-    part = EpisodeSpec(
+    return EpisodeSpec(
         id=PARTNER, instruction=f"{spec.partner.task}, as the partner", scene=spec.scene,
         scene_digest=spec.scene_digest, start=spec.partner.start, target_ids=spec.target_ids, max_steps=_MOST_STEPS,
         seed=spec.seed,
     )  # fmt: skip
+
+
+def accompany(spec: EpisodeSpec, folder: Folder, ending: Ending, body: Body) -> None:
+    """Play the partner of an episode in a body until the ending is met."""
+    assert spec.partner is not None
+    part = part_of(spec)
     agent = Asker() if spec.partner.task == "give" else Walker(spec.partner.way)
     try:
         with Episode(body, part, agent, folder=folder) as episode:
