@@ -27,6 +27,7 @@ from humanclaw.storage import Folder, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.scores import ended
 from humanclaw_bench.settings import agree, introduced, manifest, seeded
+from humanclaw_bench.two.partners import require_skills
 from humanclaw_bench.verification import MANIFEST, SPLIT
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
@@ -106,6 +107,7 @@ def run_split(
     that every episode would meet, and KeyboardInterrupt on the second SIGINT.
     """
     _check_ids(specs)
+    require_skills(specs, plugins)
     scene = lru_cache(1)(plugins.scene)  # Episodes of a scene stand together, and a scene is large.
     specs = [spec if spec.scene_digest else targeted(spec, scene(spec.scene)) for spec in specs]
     job = introduced(seeded(job, out), plugins)

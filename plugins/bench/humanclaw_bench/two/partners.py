@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle
 from threading import Event
@@ -21,9 +21,11 @@ from humanclaw import (
     HistoryEntry,
     Observation,
     PluginError,
+    Plugins,
+    Skill,
 )
 from humanclaw.body import Array, Pose2D
-from humanclaw.skills import Role, Side, find_suited
+from humanclaw.skills import Role, Side, find_suited, suited
 from humanclaw.storage import Folder
 from humanclaw_bench.hands.generate import House
 
@@ -135,10 +137,9 @@ class Asker(Walker):
             yield self._asking({"heading.left": 0.0})
 
     def _say(self, words: str) -> Call:
-        for skill in self._context.skills.values():
-            if skill.role != "stop" and skill.schema.get("required") == ["text"]:
-                return Call(skill.name, {"text": words})
-        raise PluginError("who asks for a thing needs a skill that speaks.", "Install humanclaw-skill-say.")
+        speaking = _speaking(self._context.skills.values())
+        assert speaking is not None  # require_skills() has seen to it.
+        return Call(speaking.name, {"text": words})
 
     def _box(self) -> tuple[Array, Array]:
         """Return the corners (3,) of the thing's box in the partner's frame."""
@@ -167,6 +168,27 @@ class Asker(Walker):
             at = (edge + aside * out, float(low[1] + high[1]) / 2, float(low[2] + high[2]) / 2 - _FINGERS)
             yield self._asking(dict(zip(_HAND, at, strict=True)), "gesture", side)
         yield self._asking({}, "grasp", side)
+
+
+def _speaking(skills: Iterable[Skill]) -> Skill | None:
+    """Return a skill that says what it is told, and does not end the episode."""
+    spoken = (skill for skill in skills if skill.role != "stop" and skill.schema.get("required") == ["text"])
+    return next(spoken, None)
+
+
+def require_skills(specs: Iterable[EpisodeSpec], plugins: Plugins) -> None:
+    """Raise PluginError, before anything is played, if the two of an episode cannot give and take."""
+    if not any(spec.partner is not None and spec.partner.task == "give" for spec in specs):
+        return
+    skills = plugins.skills.values()
+    found = {
+        "say": _speaking(skills), "reach": suited(skills, *_HAND, role="gesture"),
+        "grasp": suited(skills, role="grasp"), "release": suited(skills, role="release"),
+    }  # fmt: skip
+    missing = [name for name, skill in found.items() if skill is None]
+    plugins.require(*(("skills", name) for name in missing))
+    if missing:
+        raise PluginError(f"to give a thing needs {', '.join(missing)}.", "Name that skill in --skills, too.")
 
 
 def part_of(spec: EpisodeSpec) -> EpisodeSpec:
