@@ -140,6 +140,19 @@ def test_what_overlaps_at_the_start_comes_apart_and_stays_near(simulator: Simula
         assert np.linalg.norm(found[key][:3] - begun[key][:3]) < 0.15
 
 
+def test_what_is_placed_in_the_middle_of_a_wall_ends_in_the_house(simulator: Simulator) -> None:
+    """Two crates of 50 cm in walls from 4 to 4.2 m: 15 cm to the outside are nearer than 35 cm to the inside."""
+    builder = SceneBuilder.on_floor()
+    for side in (-4.1, 4.1):
+        builder.box("wall", (8.0, 2.5, 0.2), (0, 0, side))
+        builder.box("wall", (0.2, 2.5, 8.4), (side, 0, 0))
+    places = [(2.0, 0, 4.1), (-4.15, 0, 1.0)]
+    crates = [builder.box("box", (0.5, 0.5, 0.5), place, movable=True, mass=5.0) for place in places]
+    found = simulator.reset(builder.scene(), Pose2D()).objects
+    assert found[crates[0]][:3] == pytest.approx((2.0, 0.0, 3.75), abs=0.01)
+    assert found[crates[1]][:3] == pytest.approx((-3.75, 0.0, 1.0), abs=0.01)
+
+
 def test_a_row_of_books_that_overlap_a_little_stays_on_its_shelf(simulator: Simulator) -> None:
     """16 books of 4 cm, each 2 mm inside the next, on a board from x = 1.55 to 2.45: they come 3 cm apart in all, half
     of it at each end."""

@@ -24,6 +24,7 @@ _LAST: Final = 3
 _STILL: Final = 0.1, 0.001
 """An object lies still if it is slower than this, m/s and rad/s, and strays less than this in the last frames, metres.
 One that topples is slow for a while, and one that rises is slow before it falls: they stray."""
+_LEVEL: Final = np.array([True, False, True])
 _ALOFT: Final = 1000.0
 """Height of the body meanwhile, metres: it meets nothing."""
 _SOURCES: Final = tuple(
@@ -51,8 +52,20 @@ def at_rest(open_world: OpenWorld, scene: Scene, profile: Profile, engine: str =
 
 def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: list[int]) -> Array:
     """Return (N, 13) position, quaternion, velocity and spin of the objects; 0 for both speeds of one that is still."""
+    placed, motions = _alone(open_world, scene, profile, movable, {})
+    if inside := _indoors(scene, movable, placed, motions):
+        _, motions = _alone(open_world, scene, profile, movable, inside)
+    return _held_up(scene, movable, placed, motions)
+
+
+def _alone(
+    open_world: OpenWorld, scene: Scene, profile: Profile, movable: list[int], elsewhere: Mapping[int, ObjectMotion]
+) -> tuple[Array, Array]:
+    """Return where the objects begin, and what _settled returns. elsewhere: those that begin where no scene says."""
     (aloft,) = poses_of(Pose2D(0.0, 0.0, 0.0, _ALOFT).to_world(rest_pose()))
     world = open_world(scene, profile, aloft)
+    for key, motion in elsewhere.items():
+        world.set_motion(key, motion)
 
     def after(frames: int) -> Array:
         for _ in range(frames * profile.substeps):
@@ -64,9 +77,24 @@ def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: lis
         before, motions = after(_FRAMES - _LAST), after(_LAST)
         speed, way = (np.abs(part).max(axis=1) for part in (motions[:, 7:], (motions - before)[:, :3]))
         motions[(speed < _STILL[0]) & (way < _STILL[1]), 7:] = 0.0
-        return _held_up(scene, movable, placed, motions)
+        return placed, motions
     finally:
         world.close()
+
+
+def _indoors(scene: Scene, movable: list[int], placed: Array, motions: Array) -> Mapping[int, ObjectMotion]:
+    """Return on the inner side of its wall each object that was placed in one and has left the house."""
+    walls = np.array([scene.aabb(obj.id) for obj in scene.of_category("wall")]).reshape(-1, 2, 3)
+    low, high = walls[:, 0].min(axis=0, initial=np.inf), walls[:, 1].max(axis=0, initial=-np.inf)
+    inside = dict[int, ObjectMotion]()
+    for key, before, after in zip(movable, placed[:, :7], motions[:, :3], strict=True):
+        within = ((walls[:, 0] < before[:3]) & (before[:3] < walls[:, 1])).all(axis=1)
+        left = ((after < low) | (after > high)) & _LEVEL
+        if within.any() and left.any():
+            mirrored = walls[within][0].sum(axis=0) - after
+            place = np.where(left, mirrored, before[:3])
+            inside[key] = ObjectMotion(place, before[3:], np.zeros(3), np.zeros(3))
+    return inside
 
 
 def _held_up(scene: Scene, movable: list[int], placed: Array, motions: Array) -> Array:
