@@ -86,11 +86,11 @@ def test_everybody_is_told_of_one_fall_however_many_calls_it_takes(height):
             told.append(body.call(call.skill, **call.params).feedback)
         with Episode(body, free_episode("Walk.", scene), ScriptedAgent([])) as episode:
             steps = [episode.submit(Decision((call,))) for call in calls]
-    landed = [feedback.fell for feedback in told if feedback.fell and not feedback.falling]
+    landed = [feedback.fall for feedback in told if feedback.fall and not feedback.falling]
     assert landed == pytest.approx([height], abs=0.1)
     assert f"You fell {landed[0]:.1f} m." in " ".join(map(str, told))
-    assert [(step.fall, step.falling) for step in steps] == [(one.fell, one.falling) for one in told]
-    assert [step.feedback.fell for step in steps] == [one.fell for one in told]
+    assert [(step.fall, step.falling) for step in steps] == [(one.fall, one.falling) for one in told]
+    assert [step.feedback.fall for step in steps] == [one.fall for one in told]
 
 
 def test_a_body_in_the_air_is_told_that_it_is_falling():

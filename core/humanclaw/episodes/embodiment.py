@@ -261,9 +261,9 @@ class Body:
             tactile=tactile([chunk.execution for chunk in chunks]) if "touch" in self.sensors and chunks else None,
             cancelled=cancelled,
             limits=tuple(dict.fromkeys(limits)),
-            fell=self._descent.fall,
+            fall=self._descent.fall,
             falling=self._descent.falling,
-            waited=waited / 2,
+            waited=waited,
             heard=tuple(heard for chunk in chunks for heard in chunk.execution.heard),
         )
         aims = tuple(playing.aims)

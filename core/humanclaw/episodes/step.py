@@ -80,29 +80,22 @@ class Step:
             geodesic: remaining shortest way to a target, metres.
             partner: whether the second body is looked for, too.
         """
-        chunks, felt = (done.chunks, done.feedback) if done else ((), Feedback())
+        chunks, feedback = (done.chunks, done.feedback) if done else ((), Feedback())
         return StepRecord(
             step=self.number,
             status=("executed" if done else "stopped") if call else "invalid",
             attempts=tuple(self.attempts),
             verdict=verdict,
             call=call,
-            proprioception=felt.proprioception,
-            tactile=felt.tactile,
             target_pixels={key: int((view.ids == key).sum()) for key in (*targets, *[person_id(1)] * partner)},
             frame_file=self.frame_file,
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
             rise_frames=done.rise_frames if done else 0,
             parts=done.parts if done else (),
-            cancelled=felt.cancelled,
-            limits=felt.limits,
             held=dict(after.held),
             aims=done.aims if done else (),
             joints=joint_states(scene, chunks),
-            fall=felt.fell,
-            falling=felt.falling,
-            heard=felt.heard,
-            waited=round(2 * felt.waited),
+            **feedback.felt,
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),

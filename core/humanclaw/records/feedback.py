@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, Final
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 from pydantic import Field
@@ -103,8 +103,35 @@ class HandAim:
     """Metres."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Felt:
+    """What a call did to the body, as the agent is told it and as the step's record keeps it."""
+
+    proprioception: Proprioception | None = None
+    tactile: tuple[Touch, ...] | None = None
+    """Readings of the touch sense; None if it was off, empty if nothing was touched."""
+    waited: Annotated[int, Field(ge=0, le=10_000, exclude_if=operator.not_)] = 0
+    """Half seconds that the world went on while the agent thought, before the call; each costs a step."""
+    cancelled: bool = False
+    """Whether the call was broken off between two chunks."""
+    limits: tuple[str, ...] = ()
+    """What the body could not do of the call, in words: a joint's limit, a target out of reach."""
+    fall: Annotated[float, Field(ge=0, le=10_000)] = 0.0
+    """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall. One
+    that began in an earlier step counts from there."""
+    falling: bool = False
+    """Whether that fall was still going on when the step ended; the next step that moves tells its depth by then."""
+    heard: Annotated[tuple[Heard, ...], Field(exclude_if=operator.not_)] = ()
+    """What others said while the body moved."""
+
+    @property
+    def felt(self) -> dict[str, Any]:
+        """These facts by name."""
+        return {fact.name: getattr(self, fact.name) for fact in fields(Felt)}
+
+
 @dataclass(frozen=True)
-class Feedback:
+class Feedback(Felt):
     """Outcome of the last step, or the reason why the last answer was refused. str() gives words."""
 
     executed: Call | None = None
@@ -114,21 +141,6 @@ class Feedback:
     """The checks that the proposed call failed."""
     refusal: str = ""
     """Reason why nothing was executed."""
-    proprioception: Proprioception | None = None
-    tactile: tuple[Touch, ...] | None = None
-    """None without the sense; empty if nothing was touched."""
-    cancelled: bool = False
-    """Whether the call was broken off."""
-    limits: tuple[str, ...] = ()
-    """What the body could not do of the call, in words: a joint's limit, a target out of reach."""
-    fell: float = 0.0
-    """How far the body fell, metres; 0 if it did not."""
-    falling: bool = False
-    """Whether it is still falling."""
-    waited: float = 0.0
-    """Seconds that the world went on while the agent thought."""
-    heard: tuple[Heard, ...] = ()
-    """What others said meanwhile."""
 
     def __bool__(self) -> bool:
         return self.executed is not None or bool(self.refusal)
@@ -137,8 +149,8 @@ class Feedback:
         if self.executed is None:
             return self.refusal
         held = f"Your body could not do all of it: {'; '.join(self.limits)}." if self.limits else ""
-        fell = f"You {'are falling, so far' if self.falling else 'fell'} {self.fell:.1f} m." if self.fell else ""
-        thought = f"{self.waited:g} s passed while you thought." if self.waited else ""
+        fell = f"You {'are falling, so far' if self.falling else 'fell'} {self.fall:.1f} m." if self.fall else ""
+        thought = f"{self.waited / 2:g} s passed while you thought." if self.waited else ""
         return " ".join(
             filter(None, (thought, self._action(), held, fell, self.sensor_readings, *map(_told, self.heard)))
         )

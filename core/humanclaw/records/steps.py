@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field
 from humanclaw.body.pose import FUTURE, Pose2D
 from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
-from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Touch
+from humanclaw.records.feedback import Feedback, Felt, HandAim
 from humanclaw.records.specification import EpisodeSpec, Name, Record
 from humanclaw.skills.call import Call
 from humanclaw.skills.gaze_grip_speech import Side
@@ -23,7 +23,7 @@ from humanclaw.skills.plan_motion import PartKind
 from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3
-from humanclaw.world.simulator import Contact, Heard
+from humanclaw.world.simulator import Contact
 from humanclaw.world.view import CameraMount, gaze_of
 
 FORMAT: Literal[5] = 5
@@ -70,7 +70,7 @@ class PlayedPart:
     """Values of a control, SI."""
 
 
-class StepRecord(Record):
+class StepRecord(Record, Felt):  # type: ignore[misc]  # Frozen by its configuration, which mypy does not read.
     """One line of steps.jsonl: a decision and its outcome."""
 
     step: int
@@ -80,9 +80,6 @@ class StepRecord(Record):
     verdict: Verdict | None = None
     call: Call | None = None
     """The executed call, or the stop."""
-    proprioception: Proprioception | None = None
-    tactile: tuple[Touch, ...] | None = None
-    """Readings of the touch sense; None if it was off."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view before the decision."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
@@ -92,25 +89,12 @@ class StepRecord(Record):
     """Those of them in which the body first rose from a low pose, before it could step."""
     parts: tuple[PlayedPart, ...] = ()
     """The played parts of a sequence; empty for a call of one part."""
-    waited: Annotated[int, Field(ge=0, le=10_000, exclude_if=operator.not_)] = 0
-    """Half seconds that the world went on while the agent thought, before the call; each costs a step."""
-    cancelled: bool = False
-    """Whether the call was broken off between two chunks."""
-    limits: tuple[str, ...] = ()
-    """What the body could not do of the call, in words."""
     held: dict[Side, int] = {}
     """Id of the object in each hand that holds one, after the step."""
     aims: tuple[HandAim, ...] = ()
     """Where hands were to go, in order, and how far they ended from there."""
     joints: dict[int, float] = {}
     """State of each object on a joint that moved in the step, at its end: radians of a hinge, metres of a slide."""
-    fall: Annotated[float, Field(ge=0, le=10_000)] = 0.0
-    """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall. One
-    that began in an earlier step counts from there."""
-    falling: bool = False
-    """Whether that fall was still going on when the step ended; the next step that moves tells its depth by then."""
-    heard: Annotated[tuple[Heard, ...], Field(exclude_if=operator.not_)] = ()
-    """What others said while the body moved."""
     waypoints: tuple[Vec3, ...] = ()
     """Pelvis after each chunk but the last, metres."""
     start: Vec3 = (0.0, 0.0, 0.0)
@@ -166,14 +150,7 @@ class StepRecord(Record):
             self.call,
             self.decision.calls[0] if replaced else None,
             self.verdict.failed if self.verdict and replaced else (),
-            proprioception=self.proprioception,
-            tactile=self.tactile,
-            cancelled=self.cancelled,
-            limits=self.limits,
-            fell=self.fall,
-            falling=self.falling,
-            heard=self.heard,
-            waited=self.waited / 2,
+            **self.felt,
         )
 
 
