@@ -27,6 +27,23 @@ def test_importing_humanclaw_loads_no_torch_pybullet_or_litellm():
     assert not {"torch", "pybullet", "mujoco", "litellm", "trimesh"} & set(loaded)
 
 
+@pytest.mark.integration
+@pytest.mark.parametrize(
+    "modules",
+    [
+        "humanclaw.plugins.agents humanclaw.plugins.hookspecs humanclaw.motion.protocol",
+        "humanclaw.world.simulator humanclaw.world.view humanclaw.world.half_physics.world",
+        "humanclaw_bench.hookspecs humanclaw_report.hookspecs",
+    ],
+    ids=["agents and motion", "worlds", "hooks of packages"],
+)
+def test_the_protocols_of_plugins_load_no_heavy_library(modules):
+    probe = f"import sys, {modules.replace(' ', ', ')}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    heavy = "PIL pydantic safetensors numba torch trimesh scipy mujoco pybullet"
+    assert not set(heavy.split()) & set(loaded)
+
+
 def test_parameters_become_metres_and_radians_without_the_unit(plugins):
     walk = plugins.skill("walk")
     plan = walk.plan(walk.check({"yaw_deg": 30, "z_cm": 40, "x_cm": -5}))

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     )
     from humanclaw.gym.chat import TURNS as TURNS, opening as opening, situation as situation, tool_call as tool_call
     from humanclaw.gym.gym import Gym as Gym, Turn as Turn
-    from humanclaw.motion.generator import MotionGenerator as MotionGenerator
+    from humanclaw.motion.protocol import MotionGenerator as MotionGenerator
     from humanclaw.plugins.agents import (
         Agent as Agent,
         EpisodeContext as EpisodeContext,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     import click
 
-    from humanclaw.motion.generator import MotionGenerator
+    from humanclaw.motion.protocol import MotionGenerator
     from humanclaw.plugins.hookspecs import GeneratorFactory, Register, Reward, SceneFactory
     from humanclaw.records.transition import Transition
     from humanclaw.world.scene import Scene

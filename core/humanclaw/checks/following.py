@@ -12,7 +12,8 @@ from humanclaw.body.pose import HISTORY, Array, Motion, Pose2D
 from humanclaw.checks.playing import Bench
 from humanclaw.errors import CheckpointError, ContractError
 from humanclaw.motion.checkpoint import load_adapter, load_base, read_header, shipped_base
-from humanclaw.motion.generator import DiTGenerator, MotionGenerator
+from humanclaw.motion.generator import DiTGenerator
+from humanclaw.motion.protocol import MotionGenerator
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure, Parameter, find, from_si
 from humanclaw.skills.regression import Regression

@@ -23,7 +23,7 @@ from humanclaw.episodes.moving import STANDING, Mover, Playing
 from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import HumanclawError, blaming
-from humanclaw.motion.generator import MotionGenerator
+from humanclaw.motion.protocol import MotionGenerator
 from humanclaw.plugins.agents import Observation, Verifier
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.feedback import Feedback

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from humanclaw.body.hand_thigh_contact import lay_hands
 from humanclaw.body.pose import FPS, FUTURE, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import Backends
 from humanclaw.motion.carrying import Arms
-from humanclaw.motion.generator import MotionGenerator
 from humanclaw.motion.profile import motion_profile
+from humanclaw.motion.protocol import MotionGenerator
 from humanclaw.motion.stand_up import is_down, rise
 from humanclaw.records.feedback import HandAim
 from humanclaw.skills.contract import Skill, untrained
@@ -71,11 +72,9 @@ class Mover:
 
     def simulate(self, motion: Motion, part: Part) -> Chunk:
         """Drive the body through the motion of a part."""
-        commanded = motion
-        # A simulated history would hold the corrections that the next chunk must not see.
-        if isinstance(part, Control) and self._source == "generated":
-            for correct in self._profile.driven:
-                commanded = correct(commanded)
+        # A simulated history would hold the hands that the next chunk must not see.
+        lays = self._profile.lays_hands and isinstance(part, Control) and self._source == "generated"
+        commanded = lay_hands(motion) if lays else motion
         commanded = self.arms.over(commanded, arms_of(part), self.state.body)
         return self._moved(motion, part, Chunk(commanded, self._simulator.execute(commanded)))
 

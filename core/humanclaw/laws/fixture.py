@@ -14,7 +14,7 @@ from humanclaw.episodes.backends import Backends, default_simulator
 from humanclaw.episodes.moving import Mover, Playing, stand
 from humanclaw.errors import HumanclawError
 from humanclaw.laws.played import Played
-from humanclaw.motion.generator import MotionGenerator
+from humanclaw.motion.protocol import MotionGenerator
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill, find_suited
 from humanclaw.skills.plan import Control

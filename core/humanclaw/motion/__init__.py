@@ -46,7 +46,7 @@ if TYPE_CHECKING:
         noise_of as noise_of,
         velocity as velocity,
     )
-    from humanclaw.motion.generator import DiTGenerator as DiTGenerator, MotionGenerator as MotionGenerator
+    from humanclaw.motion.generator import DiTGenerator as DiTGenerator
     from humanclaw.motion.leg_collision_avoidance import (
         HEEL_END as HEEL_END,
         TOE_END as TOE_END,
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         widened as widened,
     )
     from humanclaw.motion.profile import PROFILES as PROFILES, MotionProfile as MotionProfile
+    from humanclaw.motion.protocol import MotionGenerator as MotionGenerator
     from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Runtime as Runtime, reread as reread
 
 if not TYPE_CHECKING:

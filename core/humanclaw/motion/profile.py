@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from humanclaw.body.hand_thigh_contact import lay_hands
 from humanclaw.body.pose import Array, Motion
 from humanclaw.errors import HumanclawError
 from humanclaw.motion.drift_correction import correct_drift
@@ -40,14 +39,14 @@ class MotionProfile:
         lambda history, future, _: lock_feet(history, future),
     )
     """What the next chunk continues as well."""
-    driven: tuple[Callable[[Motion], Motion], ...] = (lay_hands,)
-    """What only the body is driven through (world frame): hands laid flat in a history made bodies sink as they stood
-    up."""
+    lays_hands: bool = True
+    """Hands are laid on the thighs in what only the body is driven through: in a history, flat hands made bodies sink
+    as they stood up."""
 
 
 PROFILES: Final = {
     "default": MotionProfile(Solver("euler", 3, power=2.0)),
-    "paper": MotionProfile(Solver("midpoint", 30), rises=False, steers=False, redraws=0, future=(), driven=()),
+    "paper": MotionProfile(Solver("midpoint", 30), rises=False, steers=False, redraws=0, future=(), lays_hands=False),
 }
 """`default`: as few evaluations as the feet allow. On a uniform grid, Euler steps average a left-first and a
 right-first step. `paper`: the paper's 30 steps, and the model's raw output."""

@@ -10,21 +10,18 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.records.decisions import Decision, Verdict
-from humanclaw.records.feedback import Feedback
-from humanclaw.records.folder import FRAME_BYTES, reading
-from humanclaw.records.specification import EpisodeSpec
-from humanclaw.skills.call import Call
-from humanclaw.skills.contract import Skill
-from humanclaw.storage.files import read_file
-from humanclaw.storage.pictures import from_jpeg
-from humanclaw.world.scene import Scene
-from humanclaw.world.simulator import WorldState
 from humanclaw.world.view import DEFAULT_GAZE, GAZES, CameraMount, View
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # Whoever implements a protocol pays for none of the libraries behind what it is given.
+    from humanclaw.records.decisions import Decision, Verdict
+    from humanclaw.records.feedback import Feedback
     from humanclaw.records.limits import Meter
     from humanclaw.records.recorded_episode import RecordedEpisode
+    from humanclaw.records.specification import EpisodeSpec
+    from humanclaw.skills.call import Call
+    from humanclaw.skills.contract import Skill
+    from humanclaw.world.scene import Scene
+    from humanclaw.world.simulator import WorldState
 
 
 class Installed(Protocol):
@@ -45,6 +42,12 @@ class Reporter(Protocol):
 
 
 # -- deciding ----------------------------------------------------------------------------------------------------------
+def _nothing() -> Feedback:
+    from humanclaw.records.feedback import Feedback
+
+    return Feedback()
+
+
 @dataclass(frozen=True)
 class Observation:
     """What an agent may know: the ego view, the instruction, and the outcome of the last step."""
@@ -53,7 +56,7 @@ class Observation:
     instruction: str
     rgb: NDArray[np.uint8]
     """(512, 512, 3), read-only: the verifier sees the same."""
-    feedback: Feedback = field(default_factory=Feedback)
+    feedback: Feedback = field(default_factory=_nothing)
     """Outcome of the last step, or the reason why the last answer was refused; str() gives words."""
     jpeg: bytes = field(default=b"", repr=False)
     """The view as the record keeps it; empty if nothing is recorded."""
@@ -81,6 +84,10 @@ class HistoryEntry:
         """The pixels of the view; a JPEG is decoded each time that somebody asks."""
         if isinstance(self.view, np.ndarray):
             return self.view
+        from humanclaw.records.folder import FRAME_BYTES, reading
+        from humanclaw.storage.files import read_file
+        from humanclaw.storage.pictures import from_jpeg
+
         if isinstance(self.view, bytes):
             return from_jpeg(self.view)
         with reading(self.view):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from humanclaw.motion.generator import MotionGenerator
+    from humanclaw.motion.protocol import MotionGenerator
     from humanclaw.plugins.agents import Agent, Installed, Reporter, Tasks, Verifier
     from humanclaw.records.steps import EpisodeRecord, StepRecord
     from humanclaw.records.transition import Transition
