@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -164,9 +164,9 @@ def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
         return []
     walks, sits = suited(ready, "hips.forward"), suited(ready, "hips.height", role="sit")
     if beginning == "walking" and walks:
-        return [_commanding(walks, {"hips.forward": _STRIDE})] * 2
+        return [walks.call({"hips.forward": _STRIDE})] * 2
     if beginning == "sitting" and sits:
-        return [_commanding(sits, {"hips.height": _SEAT})]
+        return [sits.call({"hips.height": _SEAT})]
     needed = "goes forward" if beginning == "walking" else "sits"
     raise HumanclawError(f"no skill that {needed} is installed.", "Leave out --from.")
 
@@ -183,7 +183,3 @@ def _floor_for(skill: Skill, call: Call, count: int, beginning: Beginning) -> st
         needed = f"wall={values[back.name] * count + _BEHIND:g}"
     wide = 2 * (_LONGEST * count + _ROOM)
     return f"{FLOOR}:{needed or (f'side={wide:g}' if wide > SIDE else '')}".removesuffix(":")
-
-
-def _commanding(skill: Skill, amounts: Mapping[str, float]) -> Call:
-    return Call(skill.name, skill.commanding(amounts))

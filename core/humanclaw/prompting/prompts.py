@@ -116,7 +116,7 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
 
 def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
     """Write a call of a skill: one measure at a value (SI units), the others at 0."""
-    return str(Call(skill.name, skill.commanding({measure: value})))
+    return str(skill.call({measure: value}))
 
 
 def system_prompt(

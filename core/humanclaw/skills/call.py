@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from humanclaw.errors import CallError
-from humanclaw.skills.contract import Skill
 from humanclaw.text.json import HELD
 from humanclaw.text.words import did_you_mean, legible
+
+if TYPE_CHECKING:
+    from humanclaw.skills.contract import Skill
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from humanclaw.errors import CallError, CheckpointError, ContractError, PluginError
+from humanclaw.skills.call import Call
 from humanclaw.skills.measures import Parameter, Role, from_si, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.plan_motion import Part, Plan, parts
@@ -91,6 +92,10 @@ class Skill:
                 params[part.key] = min(max(amount, low), high)
         words = self.schema.get("properties", {}).items() if side else ()
         return params | {key: side for key, part in words if {"left", "right"} == set(part.get("enum", ()))}
+
+    def call(self, amounts: Mapping[str, float], side: str = "") -> Call:
+        """Return the call with the parameters of commanding()."""
+        return Call(self.name, self.commanding(amounts, side))
 
     @property
     def climbs(self) -> bool:

@@ -83,8 +83,7 @@ def asking(
     side: Side | None = None,
 ) -> Call:  # fmt: skip
     """Return a call for these amounts of the measures, SI units, with the hand of a side if one is named."""
-    skill = skill_for(skills, measures, role)
-    return Call(skill.name, skill.commanding(dict(zip(measures, amounts, strict=True)), side or ""))
+    return skill_for(skills, measures, role).call(dict(zip(measures, amounts, strict=True)), side or "")
 
 
 def way_of(skills: Mapping[str, Skill], call: Call) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from humanclaw.errors import SceneError
-from humanclaw.storage.files import MIB, Folder, open_file, read_file
+from humanclaw.storage.files import MIB, Folder, open_file
 from humanclaw.world.meshes.gltf import gltf_parts
 from humanclaw.world.meshes.obj import obj_parts
 from humanclaw.world.meshes.parts import Part
@@ -70,7 +71,9 @@ def _content(path: Path, kind: str) -> bytes:
         with open_file(path, most) as stream:
             if mark is None or mark not in stream.peek():
                 most = TEXT_BYTES
-        return read_file(path, most)
+            if os.fstat(stream.fileno()).st_size > most:
+                raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+            return stream.read()
     except OSError as error:
         if error.errno != errno.EFBIG:
             raise

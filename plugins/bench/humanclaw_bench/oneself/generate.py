@@ -16,7 +16,7 @@ import numpy as np
 from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene, Skill
 from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quaternion, wrap_angle
 from humanclaw.records import Goal, name_of
-from humanclaw.skills import Role, find_suited
+from humanclaw.skills import Role, check_call, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
 from humanclaw_bench.oneself.scene_setups import AHEAD, CUBE, EDGE, reference
 from humanclaw_bench.splits import HOUSES
@@ -44,8 +44,8 @@ class Asked:
 
     def call(self, skills: Mapping[str, Skill]) -> Call:
         """Return the call. Raises PluginError without a skill for it."""
-        skill = find_suited(skills.values(), *self.amounts, role=self.role)
-        return Call(skill.name, skill.check(skill.commanding(self.amounts, self.side)))
+        call = find_suited(skills.values(), *self.amounts, role=self.role).call(self.amounts, self.side)
+        return check_call(call, skills)
 
     def words(self, skills: Mapping[str, Skill]) -> str:
         """Return the call in words, without parameters of 0."""

@@ -101,8 +101,7 @@ class Walker:
         return self._asking({"hips.forward": min(PACE, math.hypot(left, ahead)), "heading.left": turn / 2})
 
     def _asking(self, amounts: Mapping[str, float], role: Role = "locomotion", side: str = "") -> Call:
-        skill = find_suited(self._context.skills.values(), *amounts, role=role)
-        return Call(skill.name, skill.commanding(amounts, side))
+        return find_suited(self._context.skills.values(), *amounts, role=role).call(amounts, side)
 
 
 class Asker(Walker):

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from humanclaw import Body, Call, Motion
+from humanclaw import Body, Motion
 from humanclaw.body import (
     FUTURE,
     HISTORY,
@@ -34,7 +34,7 @@ from humanclaw.body import (
     root_jerk,
 )
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import floor_for, floor_scene, suited
+from humanclaw.skills import check_call, floor_for, floor_scene, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, walks
 from humanclaw_train.eval.measures import SEAM
@@ -224,8 +224,8 @@ def _played(plugins: Plugins, command: Command, before: Sequence[Command], key: 
 def _called(body: Body, command: Command, values: Array) -> Motion:
     """Call a skill of a body as an agent would, with values (k,) in SI; returns the simulated motion."""
     measures, skill = (parameter.measure for parameter in command.parameters), body.skills[command.skill]
-    params = skill.commanding(dict(zip(measures, values.tolist(), strict=True)))
-    return _joined([chunk.execution.simulated for chunk in body.execute(Call(skill.name, skill.check(params))).chunks])
+    call = check_call(skill.call(dict(zip(measures, values.tolist(), strict=True))), body.skills)
+    return _joined([chunk.execution.simulated for chunk in body.execute(call).chunks])
 
 
 def _joined(motions: Sequence[Motion]) -> Motion:
