@@ -15,8 +15,8 @@ from humanclaw.errors import ANSWERING, CallError, PluginError, PluginRunError, 
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
 from humanclaw.plugins.deciders import StandIn, admit, is_privileged, name_of, origin, settings_of
 from humanclaw.records.decisions import Decision, Verdict
-from humanclaw.skills.call import Call, check_call
-from humanclaw.skills.contract import Skill
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill, check_call
 
 Decider = Agent | Verifier
 _AGENTS: Final = 82

@@ -13,8 +13,8 @@ from humanclaw.plugins.agents import EpisodeContext, Observation, Verifier
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.answer_parsing import read_call
 from humanclaw.skills.body_tool import LOOK, BodyTool, ToolResult
-from humanclaw.skills.call import Call, check_call
-from humanclaw.skills.contract import Skill
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill, check_call
 from humanclaw.skills.tool_schemas import Json, tool_spec
 from humanclaw.storage.pictures import jpeg
 from humanclaw.world.scene import Scene

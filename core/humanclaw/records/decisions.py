@@ -10,8 +10,8 @@ from typing import Annotated, Any, ClassVar, TypeVar
 from pydantic import Field
 
 from humanclaw.errors import CallError
-from humanclaw.skills.call import Call, check_call
-from humanclaw.skills.contract import Skill
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill, check_call
 from humanclaw.text.json import DEEPEST, HELD, LARGEST
 from humanclaw.text.words import legible
 

@@ -14,10 +14,11 @@ if TYPE_CHECKING:
         read_text as read_text,
     )
     from humanclaw.skills.body_tool import BodyTool as BodyTool, ToolResult as ToolResult
-    from humanclaw.skills.call import Call as Call, check_call as check_call
+    from humanclaw.skills.call import Call as Call
     from humanclaw.skills.contract import (
         Skill as Skill,
         bounds as bounds,
+        check_call as check_call,
         find_suited as find_suited,
         suited as suited,
     )

@@ -21,6 +21,7 @@ from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.plan_motion import Part, Plan, parts
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.files import read_file
+from humanclaw.text.words import did_you_mean
 
 if TYPE_CHECKING:
     import jsonschema
@@ -271,3 +272,17 @@ def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
 def values(part: Mapping[str, Any]) -> str:
     """Write the values that a parameter takes, such as "0..80" or "1|2|3"; empty where its schema limits none."""
     return "|".join(map(str, part["enum"])) if "enum" in part else bounds(part, "..")
+
+
+def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:
+    """Return the call with defaults filled in. Raises CallError, whose text is for the model."""
+    if call.skill not in skills:
+        message = f"Nothing was executed: there is no skill {call.skill[:64]!r}."
+        known = f"The skills are {', '.join(skills)}."
+        raise CallError(" ".join(filter(None, (message, did_you_mean(call.skill, skills), known))))
+    skill = skills[call.skill]
+    if not skill.trained:
+        raise CallError(
+            f"Nothing was executed: {call.skill} is not available, its adapter is not trained. Use another skill."
+        )
+    return Call(call.skill, skill.check(call.params))
