@@ -105,18 +105,13 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
     largest = next(part.high for part in turn.parameters if part.measure == "heading.left")
     turns = ceil(np.pi / largest - 1e-9)
     return Sitting(
-        _written(walk, "hips.forward", 0.4),
-        _written(turn, "heading.left", np.pi / turns),
+        str(walk.call({"hips.forward": 0.4})),
+        str(turn.call({"heading.left": np.pi / turns})),
         turns,
-        _written(back, "hips.back", 0.2),
-        _written(sit, "hips.height", 0.5),
-        _written(stop),
+        str(back.call({"hips.back": 0.2})),
+        str(sit.call({"hips.height": 0.5})),
+        str(stop.call({})),
     )
-
-
-def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
-    """Write a call of a skill: one measure at a value (SI units), the others at 0."""
-    return str(skill.call({measure: value}))
 
 
 def system_prompt(
