@@ -36,9 +36,8 @@ def test_the_protocols_of_plugins_load_no_heavy_library():
     ]
     probe = f"import sys, {', '.join(modules)}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
-    assert not set(
-        ["PIL", "pydantic", "safetensors", "numba", "torch", "trimesh", "scipy", "mujoco", "pybullet"]
-    ) & set(loaded)
+    heavy = {"PIL", "pydantic", "safetensors", "numba", "torch", "trimesh", "scipy", "mujoco", "pybullet"}
+    assert not heavy & set(loaded)
 
 
 def test_parameters_become_metres_and_radians_without_the_unit(plugins):
