@@ -99,13 +99,20 @@ def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
 
 
 @pytest.mark.integration
-def test_a_run_with_two_bodies_leaves_two_records_that_name_both(cli, tmp_path):
-    done = cli("run", "--agent", "random", "--with", "wanderer", "--max-steps", "2", "--out", "r", "--film", "none")
+def test_a_run_with_two_bodies_names_both_and_leaves_two_records(cli, tmp_path):
+    done = cli("run", "--agent", "random", "--with", "random", "--max-steps", "2", "--out", "r", "--film", "none")
     assert done.returncode == 0, done.stderr
-    assert "wanderer: " in done.stdout
+    for body in ("random 1", "random 2"):
+        assert {f"{body} in", f"{body}: out"} <= {" ".join(line.split()[:3]) for line in done.stdout.splitlines()}
+        assert done.stdout.count(f"  {body}: ") >= 2
     both = [json.loads((tmp_path / f"r/house-0-{k}/episode.json").read_text()) for k in (0, 1)]
     assert [record["company"] for record in both] == [["house-0-0", "house-0-1"]] * 2
-    assert [record["agent"] for record in both] == ["random", "wanderer"]
+    assert both[0]["start"] != both[1]["start"]
+
+
+def test_an_instruction_for_a_second_body_without_one_is_refused(cli):
+    done = cli("run", "--agent", "random", "--with-instruction", "wait")
+    assert (done.returncode, "Add --with NAME." in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize("command", [["run"], ["play", "stop"]])

@@ -65,8 +65,8 @@ class StepProgress:
 
 
 def _by(episode: EpisodeRecord) -> str:
-    """Say whose line it is, where there are several bodies."""
-    return f"{episode.agent}: " if episode.company else ""
+    """Say whose line it is, where there are several bodies: two of them may have agents of one name."""
+    return f"{episode.agent} {episode.company.index(episode.spec.id) + 1}: " if episode.company else ""
 
 
 def scoring(spec: EpisodeSpec) -> str:
@@ -80,7 +80,7 @@ def scoring(spec: EpisodeSpec) -> str:
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:
     """Return one sentence about the end of the episode."""
-    parts = [f"{record.outcome.replace('_', ' ')} after {counted(record.steps, 'step')}"]
+    parts = [f"{_by(record)}{record.outcome.replace('_', ' ')} after {counted(record.steps, 'step')}"]
     if steps and steps[-1].target_distance is not None:
         category = record.spec.target_category.replace("_", " ")
         parts.append(f"{steps[-1].target_distance:.2f} m from the nearest {category}")

@@ -70,15 +70,18 @@ def play(
     plugins.require(*_needed(plugins, deciders, backends, reference))
     backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
     tasks = [(instruction, deciders)]
+    if partner_instruction and not partner:
+        raise HumanclawError("--with-instruction is for a second body, and there is none.", "Add --with NAME.")
     if partner:
         tasks.append((partner_instruction or instruction, deciders.other(partner, plugins)))
     agents = _ready_agents(tasks, plugins)
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     out = out or new_folder("-with-".join(name_of(named.title) for _, named in tasks))
-    starts = places_together(scene, len(tasks))
+    starts, place = places_together(scene, len(tasks)), name_of(reference)
+    numbers = range(1, 3) if partner else [0]
     roles = [
-        _Role(_spec(text, scene, start, name_of(reference), seed + k, max_steps), named, *agents[k], out)
+        _Role(_spec(text, scene, start, place, seed + k, max_steps), named, *agents[k], out, numbers[k])
         for k, ((text, named), start) in enumerate(zip(tasks, starts, strict=True))
     ]
     distances = not any(getattr(role.agent, "at_terminal", False) for role in roles)
@@ -108,6 +111,8 @@ class _Role:
     agent: Agent
     verifier: Verifier | None
     run: Path
+    number: int = 0
+    """Of its body, from 1 on; 0 for the only one."""
 
     @property
     def folder(self) -> Path:
@@ -115,7 +120,8 @@ class _Role:
 
     @property
     def head(self) -> str:
-        return f'{self.deciders.title} in {self.spec.scene}: "{self.spec.instruction}"\n{scoring(self.spec)}'
+        who = f"{self.deciders.title} {self.number or ''}".rstrip()
+        return f'{who} in {self.spec.scene}: "{self.spec.instruction}"\n{scoring(self.spec)}'
 
 
 def _spec(text: str, scene: Scene, start: Pose2D, place: str, seed: int, max_steps: int) -> EpisodeSpec:
