@@ -12,6 +12,7 @@ from typing import Final
 from humanclaw.text.words import legible
 
 _LONGEST_REASON: Final = 500
+"""Characters of an error that are told: some libraries quote the whole of their input."""
 passed_interrupts: Final = ContextVar("passed_interrupts", default=False)
 """Whether the main thread passes Ctrl-C on to this one."""
 

@@ -23,11 +23,14 @@ _MOST: Final = np.radians([JOINT_LIMITS[joint] for joint in JOINTS])
 _KNEES: Final = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
 _STANDING: Final = matrix_from_vector(rest_pose().rotations[0])
 _TOLERANCE: Final = 1e-6
+"""Radians: below any angle that shows, and above what rounding leaves of a held joint. Smaller ones count as no
+turn."""
 _CENTRES: Final = np.array(
     [np.add(link.shape.a, link.shape.b) / 2 if isinstance(link.shape, Capsule) else link.shape.centre for link in LINKS]
 )
 _MASSES: Final = np.array([link.mass for link in LINKS])
 _SIGNS: Final = np.array(list(product((-1, 1), repeat=3)))
+"""(8, 3): which way each corner of a box lies from its centre."""
 _SHAPES: Final = {link.joint: link.shape for link in LINKS if isinstance(link.shape, Box)}
 SHOES: Final = {
     JOINT_INDEX[joint]: _SHAPES[joint].centre + _SIGNS * _SHAPES[joint].half

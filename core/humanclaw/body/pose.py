@@ -19,10 +19,12 @@ Array = NDArray[np.float64]
 F = TypeVar("F", np.float32, np.float64)
 
 FPS: Final = 30
+"""Frames a second (paper, section 3.3)."""
 WHOLE_TURN: Final = 7.0
 """Radians, a little more than a whole turn. Above it, degrees were meant."""
 HISTORY: Final = 5
 FUTURE: Final = 15
+"""Frames that a motion continues, and those that it adds, half a second (paper, section 3.3)."""
 CHUNK: Final = HISTORY + FUTURE
 STATE_SIZE: Final = 3 + 3 * N_JOINTS + 3 * N_JOINTS + 3 * N_JOINTS  # 219
 

@@ -20,6 +20,7 @@ JOINTS: Final = (
 )  # fmt: skip
 JOINT_INDEX: Final = {name: index for index, name in enumerate(JOINTS)}
 PARENTS: Final = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
+"""Of each joint in the order of SMPL; -1 for the root."""
 N_JOINTS: Final = len(JOINTS)
 
 _LEFT_OFFSETS: Final = {

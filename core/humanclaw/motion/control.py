@@ -31,6 +31,7 @@ from humanclaw.motion.dit import (
 Encoder = Literal["mlp", "fourier", "token"]
 ENCODERS: Final = get_args(Encoder)
 OCTAVES: Final = 4
+"""Of a Fourier encoder: the shortest period is a quarter of the range. More would tell closer values apart."""
 FOURIER_FREQUENCIES: Final = (np.pi / 2 * 2.0 ** np.arange(OCTAVES)).astype(np.float32)
 """Half a period over [-1, 1] at first, so that no two values of the range look alike."""
 

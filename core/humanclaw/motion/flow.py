@@ -18,6 +18,7 @@ from humanclaw.body.pose import FUTURE, STATE_SIZE
 from humanclaw.motion.dit import Array, Prediction
 
 SIGMA_MIN: Final = 1e-4
+"""Noise that is left in clean motion (paper, section 3.3): a value above 0 keeps the velocity finite at the end."""
 Method = Literal["euler", "midpoint"]
 
 Field = Callable[[int, Any], Any]

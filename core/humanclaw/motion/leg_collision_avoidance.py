@@ -146,3 +146,4 @@ _STRAIGHT: Final = 0.03**2
 _MOST: Final = 0.4
 """Radians that a leg swivels at most."""
 _TRIES: Final = 3
+"""Newton steps of the swivel at most; with none missing it ends earlier. What is left after the last one stays."""

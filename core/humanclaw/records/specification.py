@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from humanclaw.body.pose import WHOLE_TURN, Pose2D
 
 _FARTHEST: Final = 10_000.0
+"""Metres from the origin. Farther out, single precision no longer tells millimetres apart."""
 
 
 class Record(BaseModel):

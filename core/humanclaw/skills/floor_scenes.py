@@ -49,6 +49,7 @@ _TILE: Final = 0.5
 _TEXELS: Final = 800
 """Texels along the longer side of a floor: enough for sharp edges of tiles on the usual ones."""
 _WOOD, _STONE, _PLASTER = (176, 132, 92), (168, 160, 150), (226, 223, 214)
+"""Colours by eye: apart in brightness too, so that steps and walls show against the floor."""
 
 
 def floor_for(skill: Skill, values: Mapping[str, float], calls: int = 1) -> str:

@@ -89,6 +89,7 @@ _MARKS: Final = _any(_TURN, _ROLE_LINE, _CLOSING, *(opening for opening, _ in _P
 _THOUGHTS: Final = tuple(_any(closing, _nested(opening)) for opening, closing in _PAIRS)
 _THOUGHT: Final = re.compile("|".join([f"({_CLOSING})", *(opening for opening, _ in _PAIRS)]), re.IGNORECASE | re.ASCII)
 _TEXT, _QUOTED, _FIRST = 1, 2, 3
+"""Numbers of the groups in _MARKS and _THOUGHTS: _any puts text and quotations before its own kinds."""
 
 
 def split_thoughts(text: str) -> tuple[str, str]:

@@ -13,6 +13,7 @@ from humanclaw.errors import SceneError
 
 Vec3 = tuple[float, float, float]
 _UP: Final = (0.0, 1.0, 0.0)
+"""The axis of a hinge unless one is named: doors stand upright."""
 GRAVITY: Final = 9.81
 """Earth's, m/s2."""
 _HELD: Final = 1.5

@@ -15,6 +15,7 @@ from humanclaw.world.scene import Asset, Mesh, Scene, SceneObject
 
 Colour = tuple[int, int, int]
 GREY: Colour = (200, 200, 200)
+"""Light enough to show shading, and no colour that a task names."""
 
 
 def box_mesh(size: Vec3, colour: Colour = GREY) -> Mesh:

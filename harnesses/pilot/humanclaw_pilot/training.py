@@ -21,6 +21,7 @@ from humanclaw_pilot.network import CATEGORIES, CLASSES, SHAPES, Glance, answer,
 PRICES: Final = torch.tensor([1.0, 1.0, 1.0, 4.0, 2.0, 1.5, 3.0, 3.0, 3.0])
 """What a wrong cell of each class costs: small and cluttered things more."""
 BATCH: Final = 32
+"""Pictures of a step. More would smooth the gradient and take as much longer on the processor."""
 RATE: Final = 3e-3
 """Highest learning rate."""
 

@@ -24,6 +24,7 @@ Stands = Callable[[], list[Viewpoint]]
 AT_HAND: Final = (0.4, 0.56)
 """Metres ahead of the hips between which hands work well; nearer, a forearm meets the edge of a table."""
 _EASY: Final = float(np.radians(30))
+"""Turn of a call with something in the hand, radians: a wider one swings it against what stands beside."""
 _SLOW: Final = 0.45
 """Turn and step (metres) in a call that a full hand stands."""
 _BEND: Final = 0.25

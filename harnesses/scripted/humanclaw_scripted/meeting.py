@@ -20,6 +20,7 @@ from humanclaw_scripted.opening import HandyOracle
 _MET: Final = 0.85
 """Metres from pelvis to pelvis at which the oracle stops, below the benchmark's 1 m."""
 _FACING: Final = float(np.radians(20))
+"""Turn, radians, up to which the oracle faces the other. A call for less would gain nothing."""
 _RINGS: Final = {"meet": (0.7, 0.8), "follow": (0.4, 0.6), "give": (0.9, 1.0)}
 """Metres from the other person to places to stand, by task."""
 _GOALS: Final = {

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DECISIONS_A_SECOND: Final = 2
+"""A call without a sequence plays half a second; LeRobot wants one rate for a whole data set."""
 
 
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from humanclaw_bench.verification import MANIFEST, read_manifest, split_digest
 from humanclaw_bench.worker import Job
 
 FORMAT: Final = 1
+"""Of run.json. Raise it when an older reader would take a field for something else."""
 UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "apart", "absent", "stop_after")
 """Fields of a job that run.json tells otherwise, or that follow from others."""
 

@@ -240,6 +240,7 @@ def _even(categories: Mapping[str, int]) -> dict[str, tuple[int, int]]:
 
 
 VAL: Final = Quota(EPISODES, (28, 30), _even(EPISODES))
+# A hundred episodes in the shares of EPISODES, and three hundred more.
 MINI: Final = Quota(
     {"chair": 19, "couch": 19, "bed": 18, "potted_plant": 17, "tv": 15, "toilet": 12}, (1, 4), _each(0, 1)
 )

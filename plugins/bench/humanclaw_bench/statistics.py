@@ -19,8 +19,11 @@ from scipy.special import betaln, expit, logit, ndtr, ndtri, stdtrit  # Not scip
 from humanclaw.body import Array
 
 CONFIDENCE: Final = 0.95
+"""The usual one: of a hundred such intervals, 95 hold the true value."""
 RESAMPLES: Final = 2000
+"""Of bootstrap and swaps: with 2,000 a p of .05 is known to about half a percent, and .0005 is the smallest."""
 SIGNIFICANT: Final = 0.05
+"""The usual level, after Holm's correction for all comparisons of a table."""
 FEW: Final = 5
 """With fewer houses or episodes than this, their variance cannot be estimated."""
 ROUNDING: Final = 1e-12

@@ -55,6 +55,7 @@ from humanclaw_habitat.stage import floor_levels, pieces, righted, together
 VERSION: Final = 10
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
+"""Maximum bytes of the cache on disk. What was not used for longest goes first."""
 _SMALL: Final = 0.35
 """An object whose longest side is shorter than this collides as one convex piece, metres."""
 _CONVEX: Final = 0.9

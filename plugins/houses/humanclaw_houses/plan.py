@@ -11,6 +11,7 @@ WALL: Final = 0.12
 """Thickness of every wall, metres."""
 CEILING: Final = 2.5
 DOOR_HEIGHT: Final = 2.05
+"""Heights of rooms and of doorways, metres: usual ones of new flats."""
 OPEN_TOP: Final = 100.0
 """Top of an opening that reaches the ceiling, whatever its height."""
 Axis = Literal["x", "z"]

@@ -35,6 +35,7 @@ _PARTINGS: Final = 300
 """Most steps of that: each parts a pair by 4 mm at most, in sum 1.2 m."""
 _XYZW: Final = [1, 2, 3, 0]
 _WXYZ: Final = [3, 0, 1, 2]
+"""Orders of a quaternion's numbers: ours has the scalar last, MuJoCo's first."""
 _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint8)
 
 

@@ -18,6 +18,7 @@ from humanclaw_raster.packing import Floats
 SPACING: Final = 0.24
 """Distance of probes, metres, two voxels. Larger in scenes that would need more than MOST, whose rays take 80 MB."""
 MOST: Final = 250_000
+"""Probes of a scene at most."""
 RAYS: Final = 40
 """Of a probe. With 640, which take five times as long, brightness differs by .4 %."""
 BOUNCES: Final = 3

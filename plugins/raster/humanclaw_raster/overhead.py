@@ -19,6 +19,7 @@ from humanclaw_raster.shading import TALLEST
 CELL: Final = 0.04
 """Side of a cell of the map, metres. It is larger in scenes that would need more than MOST cells per side."""
 MOST: Final = 1024
+"""Cells along a side at most, a million a storey. Larger scenes get coarser shadows."""
 WIDEST: Final = 40.0
 """The map need not hold the whole of a wider object, such as a ground, metres."""
 AROUND: Final = 3

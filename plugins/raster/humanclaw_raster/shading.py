@@ -17,7 +17,7 @@ REACH: Final = 0.25
 """Largest distance at which surfaces darken each other, metres. Walls behind furniture had dark halos from
 farther; with half of it, four times as strong, a detector trained on photos recognised 8 % fewer targets."""
 DARKEST: Final = 0.4
-"""Share of the light that remains in the deepest corner."""
+"""Share of the light that remains in the deepest corner: with less, slits between furniture turn black."""
 DEPTH_OF_CORNERS: Final = 2.0
 """Share of the light lost per occluded share of the neighbourhood. With twice as much it recognised 1 to 2 % fewer."""
 RAYS: Final = 8
@@ -31,17 +31,17 @@ BEHIND: Final = 4.0
 MOST: Final = 0.6
 """... and at most. 6 % more targets are recognised with it than without."""
 SHADE: Final = 0.4
-"""Share of the light that a place loses if the whole cone above it is covered."""
+"""Share of the light that a place loses if the whole cone above it is covered: light still comes from the sides."""
 CONE: Final = 0.6
-"""Light from above comes from within this horizontal distance, metres, ..."""
+"""Light from above comes from within this horizontal distance, metres, which blurs the edges of shadows as much, ..."""
 STEEP: Final = 0.9
-"""... and at least this steeply: metres down per metre aside."""
+"""... and at least this steeply, metres down per metre aside: a flatter cone would darken floors beside furniture."""
 LEVEL: Final = np.float32(0.2)
 """Least upward component of the normal of a surface on which objects cast shadows."""
 SIZE: Final = 0.25
 """Radius of the strongest light from one metre away, metres: the median window's, seen from the middle of its room."""
 DIRECT: Final = 0.6
-"""Largest share of the light that comes from there."""
+"""Largest share of the light that comes from there: shadows are never darker than the rest allows."""
 FARTHEST: Final = 16
 """Longest way on which an object is looked for, steps: farther shadows are blurred away."""
 TALLEST: Final = 2.1
@@ -53,6 +53,7 @@ LEAN: Final = np.float32(0.08)
 STEPS: Final = 4
 """Number of steps towards the light that are skipped together where nothing around them is high enough."""
 _CLOSE: Final = np.float32(1 / (REACH * REACH))
+"""Of a neighbour's squared distance, to a share of REACH: multiplying is cheaper than a root and a division."""
 
 
 class Half(NamedTuple):

@@ -19,6 +19,7 @@ from humanclaw_report.playback import FilmScene, step_at
 
 Picture = NDArray[np.uint8]
 FILM_SIZE: Final = (1280, 720)
+"""Width and height of 720p, pixels: both even, as H.264 wants them."""
 GIF_SIZE: Final = (480, 270)
 """Smaller than a film: GIF compresses poorly, and a larger one loads too slowly."""
 GIF_BYTES: Final = 1 << 30

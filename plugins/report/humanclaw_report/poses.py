@@ -20,6 +20,7 @@ APART: Final = 1.0
 SIDES: Final = 12
 """Directions from which a camera may look."""
 ELEVATION: Final = float(np.radians(42))
+"""Of the camera, radians: lower, bodies hide one another; higher, one sees heads alone."""
 _HIDING: Final = 0.01
 """What an object that has to be left out costs a direction, as a share of the picture between two bodies."""
 _FINE: Final = 2

@@ -37,6 +37,7 @@ EVERY: Final = 2
 ABOVE: Final = 0.55
 """Height of the camera over the body in a house, radians."""
 MILLIMETRES: Final = 1000.0
+"""In a metre. The page gets whole numbers: shorter in JSON than metres, and finer than a pixel."""
 MOST_FACES: Final = 12_000
 """The page shows the collision hulls of an asset that has more triangles than this."""
 MOVED: Final = 0.001

@@ -72,6 +72,7 @@ from humanclaw_train.model.flow import LOSSES, Loss, clean, noised, target
 _SAVE_SECONDS: Final = 120
 """An interruption costs at most so much work; a save of the largest size takes about a second."""
 _REPORT_SECONDS: Final = 15
+"""Between two lines of progress: often enough to see that it goes on, and a terminal holds an hour of them."""
 _WORSE: Final = 10
 """A run whose loss is so many times the least before has diverged. Noise moves the median below by a third."""
 _RECENT: Final = 20

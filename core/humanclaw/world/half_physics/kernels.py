@@ -19,6 +19,7 @@ from humanclaw.world.half_physics.skeleton import POINT_JOINTS, POINT_RADII, POI
 
 _OFFSETS, _PARENTS, _REACH = np.array(OFFSETS, float), np.array(PARENTS), np.ascontiguousarray(REACH)
 _SMALL: Final = 1e-12
+"""Keeps a division finite. No speed or length that matters is so small."""
 _CLOSE: Final = 0.01
 """A link this close to a box that its hull fills only in part may meet the hull in any direction, metres. One that is
 this deep in a full box may leave it in any."""

@@ -20,7 +20,9 @@ from humanclaw.world.scene import Scene
 from humanclaw.world.scene_cache import kept
 
 _FRAMES: Final = 15
+"""Half a second: time enough for what is placed a little above its support to land."""
 _LAST: Final = 3
+"""The frames of it, a tenth of a second, in which an object must not stray to lie still."""
 _STILL: Final = 0.1, 0.001
 """An object lies still if it is slower than this, m/s and rad/s, and strays less than this in the last frames, metres.
 One that topples is slow for a while, and one that rises is slow before it falls: they stray."""

@@ -24,6 +24,7 @@ from humanclaw.world.simulator import Contact, Execution, WorldState, person_id
 MOVED: Final = 0.001
 """An object whose path strays less than this from its beginning has not moved, metres."""
 _LEVEL: Final = np.array([1.0, 0.0, 1.0])
+"""Leaves out the height: the vertical motion of the root is never commanded."""
 
 Met = Sequence[Sequence[Touch]]
 """The contacts of each body."""

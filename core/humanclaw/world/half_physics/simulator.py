@@ -23,7 +23,9 @@ from humanclaw.world.simulator import Execution, WorldState
 _SETTLE_FRAMES: Final = 5
 """A body without a floor has fallen 14 cm by then."""
 _MAX_OVERLAP: Final = 0.02
+"""Deepest contact of a start, metres. Contact pushes a body out of less; more would throw it or what it is in."""
 _MAX_DRIFT: Final = 0.05
+"""Metres along an axis that a body may move while it settles: a third of what it falls without a floor."""
 
 
 class HalfPhysics:

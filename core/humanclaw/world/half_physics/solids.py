@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import Array
 
 _BOX_TOLERANCE: Final = 1e-5
+"""Metres from a face of its box within which a corner lies on it: above the rounding of single precision in a house."""
 _FLAT, _THICK = 1e-4, 1e-3
 """A hull that is thinner than this, and how thick it becomes, metres: no engine takes one without a volume."""
 

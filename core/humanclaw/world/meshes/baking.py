@@ -16,6 +16,7 @@ from humanclaw.world.scene import Mesh
 CELL: Final = 128
 """Pixels along a side of a picture's cell in the atlas."""
 _BLOCK: Final = 4
+"""Pixels along a side of a plain colour's block: a filter that reads neighbours in its middle meets no other colour."""
 _REPEATS: Final = 4
 """How often a picture may repeat across its cell; what repeats more often is drawn larger."""
 

@@ -29,9 +29,11 @@ _GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+"""Magic numbers of GLB and its chunks, types, widths and modes of triangles: all from the specification of glTF 2.0."""
 _PIECES: Final = 20_000
 """Maximum pieces of a model, copies included: each takes a tenth of a millisecond and more."""
 _BLANK_BYTES: Final = 256 * MIB
+"""Maximum bytes of an array that a file only announces: zeros cost the file nothing, and here all their memory."""
 _DRACO: Final = "KHR_draco_mesh_compression"
 _COPIES: Final = "EXT_mesh_gpu_instancing"
 _VISIBLE: Final = "KHR_node_visibility"

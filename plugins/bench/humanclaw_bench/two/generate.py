@@ -33,6 +33,7 @@ _CARRY: Final = (2.0, 10.0)
 _STEPS: Final = 200
 """Decisions at most in a task of two ways."""
 _TRIES: Final = 200
+"""Draws for a task in a house. One where so many find nothing is too small for it and gets none."""
 _EACH_HOUSE: Final = 2
 """Candidates of each task in a house."""
 _WORDS: Final = {

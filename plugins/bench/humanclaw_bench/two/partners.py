@@ -38,11 +38,13 @@ ARRIVED: Final = 0.3
 _TURN_FIRST: Final = 0.6
 """Turn above which the partner turns on the spot, radians."""
 _MOST_STEPS: Final = 10_000
+"""Of a partner: more than any episode has, so that it never ends first."""
 WITHIN: Final = (0.35, 0.7, 1.5, 0.2, 0.65)
 """Where a thing is held out: at most so far aside, between two heights, and so far ahead of the hips, metres."""
 _NEAR: Final = 2.0
 """Metres from which one who asks turns to the thing."""
 _AHEAD: Final = math.radians(20)
+"""Turn up to which something is ahead, radians: one that turned for less would never stand still."""
 _FINGERS: Final = 0.04
 """Metres from the knuckles to the middle of the fingers."""
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")

@@ -16,6 +16,7 @@ BOARD: Final = 0.018
 PLAY: Final = 0.004
 """Gap around doors and drawers, metres."""
 _OPEN: Final = float(np.pi / 2)
+"""A quarter turn: doors end square to the front, clear of the neighbour's."""
 _DENSITY: Final = 650.0
 """Of chipboard, kg/m3."""
 

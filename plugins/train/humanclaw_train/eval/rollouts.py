@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from humanclaw_train.mocap.clips import Clip
 
 CHUNKS_IN_A_ROW: Final = 3
+"""Calls of one command. The first sets out from standing, the others continue motion of the model's own."""
 _LEAST: Final = 0.25
 """Smallest command, as a share of the largest. A ratio to almost zero has no meaning."""
 

@@ -66,6 +66,7 @@ degrees. Data and body differ from the paper's, so compare the order and not the
 """
 _AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
 _SEQUENCE_BODIES: Final = 20
+"""Bodies of a sequence, whose jerk is averaged: with fewer, noise could change the order of the rows."""
 
 
 def sequences(subject: Subject) -> list[Row]:

@@ -113,6 +113,7 @@ SPEEDS: Final = (0.6, 1.0, 1.4, 1.6)
 SPANS: Final = {"calls 3 to 10": (2, 10), "calls 11 to 20": (10, 20)}
 """The first two calls start to walk."""
 _LAST: Final = 20
+"""Calls of a walk: SPANS end there."""
 _NEAR: Final = 0.15
 """Difference in speed, m/s, up to which a person walks at the speed of a generated walk."""
 _STRAIGHT: Final = 0.96

@@ -39,6 +39,7 @@ _BEHIND: Final = 0.08
 .06 in 200 captured clips, of people who press their knees back, and .09 in a mirrored walk."""
 _FEET: Final = [JOINT_INDEX[f"{side}_foot"] for side in SIDES]
 _LEVEL: Final = np.array([1.0, 0.0, 1.0])
+"""Leaves out the height: steps and travel are compared on the floor."""
 _STEP: Final = 0.5
 """Speed of a standing foot against the pelvis, m/s, of a body that walks: half that of a slow walk."""
 _WALKS: Final = 0.75

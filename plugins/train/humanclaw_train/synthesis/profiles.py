@@ -24,6 +24,7 @@ UPPER: Final = tuple(
     JOINT_INDEX[name] for name in JOINTS if not any(part in name for part in ("pelvis", "hip", "knee", "ankle", "foot"))
 )
 CHANNELS: Final = 3 + 3 * len(UPPER)
+"""Of a frame: a rotation vector of the pelvis, and one of each joint of the upper body."""
 HARMONICS: Final = 4
 """Of the step cycle, to which the gait of the upper body is fitted."""
 # Of the clips that the shipped prior learnt from: level walks at several speeds, and idlers who look ahead.

@@ -111,6 +111,7 @@ def upper_body(state: State, p: StepPlan, c: Commands, target: Array) -> Array:
 
 # -- seats -------------------------------------------------------------------------------------------------------------
 _SEATS: Final = np.linspace(0.2, 0.8, 13)
+"""Heights of the pelvis, metres, that poses are made for; between them they are interpolated."""
 
 
 def _seat_pose(seats: Array, height: Array) -> Array:
