@@ -241,6 +241,17 @@ def lost_picture(file: Gltf) -> None:
     file.head["images"][0] = {"uri": "wood%20floor.png"}
 
 
+def corners_left_over(file: Gltf) -> None:
+    plain(file)
+    file.give(POSITION=file.array([*CORNERS, [7, 7, 7], [8, 8, 8]]))
+
+
+def glass_that_shines(file: Gltf) -> None:
+    plain(file)
+    file.head["materials"][0] |= {"alphaMode": "BLEND", "emissiveFactor": [1, 0, 0]}
+    file.head["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = 0
+
+
 def points_beside(file: Gltf) -> None:
     plain(file)
     file.head["meshes"][0]["primitives"].append({"mode": 0, "attributes": file.piece["attributes"]})
@@ -268,6 +279,12 @@ LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
     many_vertex_colours: ((155, 155, 155), None, ("vertex colours (drawn as their mean): 1",)),
     glossy: ((0, 186, 255), None, ()),
     lost_picture: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ("pictures that cannot be read (wood%20floor.png): 1",)),
+    corners_left_over: ((255, 186, 0), None, ("corners behind the last triangle: 2",)),
+    glass_that_shines: (
+        (255, 186, 0),
+        None,
+        ("see-through pieces (drawn solid): 1", "pieces that shine (drawn without their light): 1"),
+    ),
     hidden_beside: ((255, 186, 0), None, ("hidden pieces: 1",)),
     nothing_beside: ((255, 186, 0), None, ("pieces without a triangle: 2",)),
     points_beside: ((255, 186, 0), None, ("pieces of points or lines: 1",)),
@@ -346,7 +363,32 @@ def corner_elsewhere(file: Gltf) -> None:
     file.piece["indices"] = file.array([0, 1, 2**31], "I")
 
 
+def another(*keys: Any) -> Callable[[Gltf], None]:
+    """The last of keys as the value of the others."""
+
+    def change(file: Gltf) -> None:
+        place: Any = file.head
+        for key in keys[:-2]:
+            place = place[key]
+        place[keys[-2]] = keys[-1]
+
+    return change
+
+
 @pytest.mark.parametrize(("change", "said"), [
+    (another("nodes", 0, "mesh", 9), "names number 9 of its 1 meshes"),
+    (another("nodes", 0, "mesh", -1), "names number -1 of its 1 meshes"),
+    (another("scenes", 0, "nodes", [7]), "names number 7 of its 1 nodes"),
+    (another("meshes", 0, "primitives", 0, "attributes", "POSITION", 9), "names number 9 of its 1 accessors"),
+    (another("meshes", 0, "primitives", 0, "mode", 9), "mode of a piece must be 0 to 6, not 9"),
+    (another("meshes", 0, "primitives", 0, "material", 0), "names number 0 of its 0 materials"),
+    (another("accessors", 0, "count", 50), "an array of 50 values has only 36 bytes of data"),
+    (another("accessors", 0, "type", "VEC2"), "a POSITION has 2 numbers instead of 3"),
+    (another("accessors", 0, "type", "VEC9"), "'VEC9' is missing in it, or unknown"),
+    (another("nodes", 0, "rotation", [0, 0, 0, 0]), r"rotation \[0, 0, 0, 0\], which is no place"),
+    (another("nodes", 0, "matrix", [float("nan")] * 16), "a node has matrix .*must be of numbers"),
+    (another("buffers", [{"uri": "gone.bin"}]), "gone.bin, which it names, is not beside it. Copy it there"),
+    (another("asset", {}), "'version' is missing"), (another("nodes", {"a": 1}), "value of the wrong kind"),
     (old, "must be glTF 2; it is glTF 1.0. Convert it"), (packed, "EXT_meshopt_compression, which may change"),
     (bone_elsewhere, "a bone that is not in its scene"), (too_short, "data end before byte 99"),
     (corner_elsewhere, "a triangle names vertex 2147483648 of 3"),
@@ -693,6 +735,19 @@ def test_meshlabs_corners_have_places_in_the_picture_of_their_own(tmp_path: Path
 
 
 @pytest.mark.parametrize(("name", "content", "said"), [
+    ("word.ply", ply(*listed([ELL[:3]])).replace("4 0 0", "4 x 0").encode(), "its line '4 x 0' must hold a number"),
+    ("few.ply", ply(*listed([ELL[:3]])).replace("4 0 0", "4 0").encode(), "its line '4 0' must hold a number"),
+    ("half.ply", ply(*listed([ELL[:3]])).replace("0 1 2", "0 1 1.5").encode(), "names vertex 1.5"),
+    ("lists.ply", ply(*listed([ELL[:3]])).replace("3 0 1 2", "2.5 0 1 2").encode(), "its line '2.5 0 1 2' must"),
+    ("minus.ply", ply(*listed([ELL[:3]])).replace("0 1 2", "0 1 -1").encode(), "names vertex -1 of 3"),
+    ("many.ply", ply(*listed([ELL[:3]])).replace("vertex 3", "vertex three").encode(), "'element vertex three'"),
+    ("mode.ply", ply(*listed([ELL[:3]])).replace("ascii", "text").encode(), "format must be ascii, .* not 'text'"),
+    ("word.stl", TEXT_STL.replace("2 0 0", "2 x 0").encode(), "its line 'vertex 2 x 0' must hold 3 numbers"),
+    ("word.off", b"OFF 3 1 0\n0 0 0\n2 x 0\n0 1 0\n3 0 1 2\n", "its line '2 x 0' must hold 3 numbers"),
+    ("five.off", b"OFF 3 1 0\n0 0 0\n2 0 0\n0 1 0\n5 0 1 2\n", "its line '5 0 1 2' must hold a count"),
+    ("empty.off", b"OFF\n", "OFF file in text with its counts"), ("four.glb", b"glTF", "it has only 4 bytes"),
+    ("page.glb", b"<html>", "its JSON breaks off in line 1"),
+    ("far.obj", b"v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n", "not numbers below"),
     ("cut.ply", packed_ply("<", "B", "i")[:-3], "data end after"),
     ("cut.stl", packed_stl().replace(b"solid", b"SOLVE")[:-9], "ends after"),
     ("commas.obj", f"{TRIANGLE}f 1 2 3\n".replace("2 0 0", "2,5 0,0 0,0").encode(), "decimal commas"),

@@ -23,7 +23,7 @@ from PIL import Image
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB
-from humanclaw.world.meshes.parts import MOST, PLAIN, Part, mean_of, pixels
+from humanclaw.world.meshes.parts import CLEAR, MOST, PLAIN, SHINING, Part, mean_of, pixels
 
 _GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -68,6 +68,8 @@ def _split(data: bytes) -> tuple[Any, bytes]:
     """Return the JSON and the binary chunk of a file."""
     if data[:4] != b"glTF":
         return json.loads(data), b""
+    if len(data) < 12:
+        raise SceneError(f"it has only {len(data)} bytes.", _FETCH)
     version, size = struct.unpack_from("<II", data, 4)
     if version != 2:
         raise _of_version(version)
@@ -78,12 +80,14 @@ def _split(data: bytes) -> tuple[Any, bytes]:
         length, kind = struct.unpack_from("<II", data, at)
         chunks.setdefault(kind, data[at + 8 : at + 8 + length])
         at += 8 + length
+    if _JSON not in chunks:
+        raise SceneError("it holds no JSON.", _FETCH)
     return json.loads(chunks[_JSON]), chunks.get(_BINARY, b"")
 
 
 def _check(head: Any) -> None:
     version = str(head["asset"]["version"])
-    if not version.startswith("2."):
+    if version.partition(".")[0] != "2":
         raise _of_version(version)
     if unknown := [name for name in head.get("extensionsRequired", ()) if not name.startswith((*_HARMLESS, _DRACO))]:
         raise SceneError(
@@ -111,15 +115,18 @@ class _File:
 
     def parts(self) -> Iterator[Part]:
         places = self._places()
-        nodes = [(number, self.head["nodes"][number]) for number in places if number not in self.hidden]
-        self.lost.update("hidden pieces" for number in self.hidden if "mesh" in self.head["nodes"][number])
+        nodes = [(number, self.named("nodes", number)) for number in places if number not in self.hidden]
+        self.lost.update("hidden pieces" for number in self.hidden if "mesh" in self.named("nodes", number))
         shown = [(number, node, copy) for number, node in nodes if "mesh" in node for copy in self._copies(node)]
-        self._check_size([self.head["meshes"][node["mesh"]] for _, node, _ in shown])
+        self._check_size([self.named("meshes", node["mesh"]) for _, node, _ in shown])
         for number, node, copy in shown:
-            mesh, there = self.head["meshes"][node["mesh"]], places | {number: places[number] @ copy}
+            mesh, there = self.named("meshes", node["mesh"]), places | {number: places[number] @ copy}
             weights = node.get("weights", mesh.get("weights", ()))
             for piece in mesh["primitives"]:
-                if piece.get("mode", _TRIANGLES) < _TRIANGLES:
+                mode = piece.get("mode", _TRIANGLES)
+                if mode not in range(_FAN + 1):
+                    raise SceneError(f"the mode of a piece must be 0 to {_FAN}, not {mode!r}.", "Export it again.")
+                if mode < _TRIANGLES:
                     self.lost["pieces of points or lines"] += 1
                 elif self._corners(piece) < 3:
                     self.lost["pieces without a triangle"] += 1
@@ -129,15 +136,18 @@ class _File:
     def _corners(self, piece: Any) -> int:
         """Return how many corners the triangles of a piece have, 0 without vertices."""
         number = piece.get("indices", piece["attributes"].get("POSITION"))
-        return self.head["accessors"][number]["count"] if "POSITION" in piece["attributes"] else 0
+        return self.named("accessors", number)["count"] if "POSITION" in piece["attributes"] else 0
 
     def _check_size(self, meshes: list[Any]) -> None:
         """Raise SceneError if the copies of meshes have too many pieces or corners together."""
         pieces = [piece for mesh in meshes for piece in mesh["primitives"]]
-        counts = [abs(accessor["count"]) for accessor in self.head.get("accessors", ())]
+
+        def count(number: Any) -> int:
+            return abs(int(self.named("accessors", number)["count"]))
+
         corners = sum(
-            max((counts[key] for key in piece["attributes"].values()), default=0)
-            + (counts[piece["indices"]] if "indices" in piece else 0) // 3
+            max(map(count, piece["attributes"].values()), default=0)
+            + (count(piece["indices"]) if "indices" in piece else 0) // 3
             for piece in pieces
         )
         if corners > MOST or len(pieces) > _PIECES:
@@ -149,7 +159,7 @@ class _File:
         """Return the (4, 4) frames of the copies of a node's mesh, in the frame of the node."""
         named = node.get("extensions", {}).get(_COPIES, {}).get("attributes", {})
         named = {name.lower(): number for name, number in named.items() if not name.startswith("_")}
-        if any(self.head["accessors"][number]["count"] > _PIECES for number in named.values()):
+        if any(self.named("accessors", number)["count"] > _PIECES for number in named.values()):
             raise SceneError(f"it holds more than {_PIECES:,} pieces.", "Simplify it.")
         values = {name: self.array(number) for name, number in named.items()}
         return [_frame(dict(zip(values, row, strict=True))) for row in zip(*values.values(), strict=True)] or [
@@ -175,23 +185,25 @@ class _File:
         nodes = self.head.get("nodes", [])
         inner = {child for node in nodes for child in node.get("children", ())}
         scenes = self.head.get("scenes")
-        roots = scenes[self.head.get("scene", 0)].get("nodes", ()) if scenes else sorted(set(range(len(nodes))) - inner)
+        shown = self.named("scenes", self.head.get("scene", 0)) if scenes else None
+        roots = sorted(set(range(len(nodes))) - inner) if shown is None else shown.get("nodes", ())
         places, left = dict[int, Array](), [(root, np.eye(4), True) for root in roots]
         while left:
             number, above, seen = left.pop()
             if number not in places:
-                places[number] = above @ _frame(nodes[number])
-                seen &= nodes[number].get("extensions", {}).get(_VISIBLE, {}).get("visible", True)
+                node = self.named("nodes", number)
+                places[number] = above @ _frame(node)
+                seen &= node.get("extensions", {}).get(_VISIBLE, {}).get("visible", True)
                 self.hidden |= set() if seen else {number}
-                left += [(child, places[number], seen) for child in nodes[number].get("children", ())]
+                left += [(child, places[number], seen) for child in node.get("children", ())]
         return places
 
     def _bones(self, piece: _Piece, places: dict[int, Array], node: int) -> Array:
         """Return the (4, 4) frame of a piece, or the (N, 4, 4) frames of the vertices of one with bones, whose node
         does not move it."""
-        if "skin" not in self.head["nodes"][node] or "JOINTS_0" not in piece:
+        if "skin" not in self.named("nodes", node) or "JOINTS_0" not in piece:
             return places[node]
-        skin = self.head["skins"][self.head["nodes"][node]["skin"]]
+        skin = self.named("skins", self.named("nodes", node)["skin"])
         if not places.keys() >= set(skin["joints"]):
             raise SceneError("it hangs on a bone that is not in its scene.", "Export it with all its bones.")
         bones = np.stack([places[joint] for joint in skin["joints"]])
@@ -206,10 +218,17 @@ class _File:
         # A vertex on which no bone has a share stays where the file has it.
         return np.asarray(np.where(whole > 0, frames / np.where(whole > 0, whole, 1), np.eye(4)))
 
+    def named(self, kind: str, number: Any) -> Any:
+        """Return one of the file's nodes, accessors and so on. Raises SceneError if it has none of this number."""
+        found = self.head.get(kind, ())
+        if number not in range(len(found)):
+            raise SceneError(f"it names number {number} of its {len(found)} {kind}.", "Export it again.")
+        return found[number]
+
     # -- data ----------------------------------------------------------------------------------------------------------
     def array(self, number: int) -> NDArray[Any]:
         """Return the (count, width) values of an accessor; normalised integers as numbers from -1 to 1."""
-        accessor = self.head["accessors"][number]
+        accessor = self.named("accessors", number)
         kind, width, count = np.dtype(_TYPES[accessor["componentType"]]), _WIDTHS[accessor["type"]], accessor["count"]
         if "bufferView" in accessor:
             values = self._values(accessor, count, kind, width)
@@ -225,15 +244,17 @@ class _File:
         return _normalised(values) if accessor.get("normalized") else values
 
     def _values(self, place: Any, count: int, kind: np.dtype[Any], width: int) -> NDArray[Any]:
-        view, size = self.head["bufferViews"][place["bufferView"]], kind.itemsize * width
+        view, size = self.named("bufferViews", place["bufferView"]), kind.itemsize * width
         stride = view.get("byteStride", size)
         if stride < size:
             raise ValueError(f"a stride of {stride} bytes is less than a value's {size}")
-        data = self.view(place["bufferView"])
-        return np.ndarray((count, width), kind, data, place.get("byteOffset", 0), (stride, kind.itemsize))
+        data, first = self.view(place["bufferView"]), place.get("byteOffset", 0)
+        if count and first + stride * (count - 1) + size > len(data):
+            raise SceneError(f"an array of {count} values has only {len(data) - first} bytes of data.", _FETCH)
+        return np.ndarray((count, width), kind, data, first, (stride, kind.itemsize))
 
     def view(self, number: int) -> bytes:
-        view = self.head["bufferViews"][number]
+        view = self.named("bufferViews", number)
         first, length = view.get("byteOffset", 0), view["byteLength"]
         content = self._buffer(view["buffer"])[first : first + length]
         if len(content) != length:
@@ -242,7 +263,7 @@ class _File:
 
     def _buffer(self, number: int) -> bytes:
         if number not in self.buffers:
-            uri = self.head["buffers"][number].get("uri")
+            uri = self.named("buffers", number).get("uri")
             inside = b"" if number else self.binary  # Only the first buffer may be the file's own chunk.
             self.buffers[number] = inside if uri is None else self._content(uri)
         return self.buffers[number]
@@ -256,13 +277,13 @@ class _File:
 
     def picture(self, number: int, tint: tuple[int, int, int]) -> NDArray[np.uint8] | None:
         """Return the picture of a texture, tinted; None if it cannot be read."""
-        texture = self.head["textures"][number]
+        texture = self.named("textures", number)
         others = [image.get("source") for image in texture.get("extensions", {}).values()]
         source = next((image for image in (texture.get("source"), *others) if image is not None), None)
         if source is None:
             return None
         if (source, tint) not in self.pictures:
-            self.pictures[source, tint] = self._read_picture(self.head["images"][source], tint)
+            self.pictures[source, tint] = self._read_picture(self.named("images", source), tint)
         return self.pictures[source, tint]
 
     def _read_picture(self, image: Any, tint: tuple[int, int, int]) -> NDArray[np.uint8] | None:
@@ -301,7 +322,7 @@ class _Piece:
     def _decoded(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that Draco holds, with the corners of its triangles as 'indices'."""
         packed = self.facts.get("extensions", {}).get(_DRACO)
-        plain = self.file.head["accessors"][self.facts["attributes"]["POSITION"]]
+        plain = self.file.named("accessors", self.facts["attributes"]["POSITION"])
         if packed is None or "bufferView" in plain:  # The same shape, also without Draco.
             return {}
         if not importlib.util.find_spec("DracoPy"):
@@ -315,6 +336,8 @@ class _Piece:
     def points(self, weights: Any) -> Array:
         """Return the (N, 3) vertices in the frame of their node, moved by the weights of their morph targets."""
         points = self["POSITION"].astype(float)
+        if points.shape[1] != 3:
+            raise SceneError(f"a POSITION has {points.shape[1]} numbers instead of 3.", "Export it again.")
         for weight, target in zip(weights, self.facts.get("targets", ()), strict=False):
             if weight and "POSITION" in target:
                 points += weight * self.file.array(target["POSITION"])
@@ -328,6 +351,9 @@ class _Piece:
             corners = np.arange(len(self["POSITION"]))
         corners, mode = corners.ravel().astype(np.int64), self.facts.get("mode", _TRIANGLES)
         if mode == _TRIANGLES or self._own:
+            if over := len(corners) % 3:
+                self.file.lost["corners behind the last triangle"] += over
+                corners = corners[:-over]
             return corners.reshape(-1, 3)
         first = np.full(len(corners) - 2, corners[0]) if mode == _FAN else corners[:-2]
         triangles = np.stack([first, corners[1:-1], corners[2:]], axis=1)
@@ -337,7 +363,7 @@ class _Piece:
 
     def look(self) -> tuple[tuple[int, int, int], NDArray[np.uint8] | None, Array | None]:
         """Return colour, picture and (N, 2) uv, v up."""
-        material = self.file.head["materials"][self.facts["material"]] if "material" in self.facts else {}
+        material = self.file.named("materials", self.facts["material"]) if "material" in self.facts else {}
         gloss = material.get("extensions", {}).get(_GLOSS)
         base = material.get("pbrMetallicRoughness", {}) if gloss is None else gloss
         factor = base.get("baseColorFactor" if gloss is None else "diffuseFactor", (1, 1, 1))
@@ -345,9 +371,19 @@ class _Piece:
         light = np.clip(np.array(factor[:3], float), 0, 1) * self._tint()
         # glTF keeps its factors in linear light. In bytes first: a colour then is the same as ever.
         red, green, blue = np.round(255 * (np.round(255 * light) / 255) ** (1 / 2.2)).astype(int).tolist()
+        self._count_unseen(material, factor)
         colour = (red, green, blue) if "material" in self.facts or "COLOR_0" in self else PLAIN
         picture = None if texture is None else self.file.picture(texture["index"], colour)
         return colour, picture, None if texture is None else self._uv(texture)
+
+    def _count_unseen(self, material: Any, factor: Any) -> None:
+        """Count what a part cannot say of a material."""
+        extensions = material.get("extensions", {})
+        through = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0)
+        if through or (material.get("alphaMode", "OPAQUE") != "OPAQUE" and min(factor[3:], default=1) < 1):
+            self.file.lost[CLEAR] += 1
+        if any(material.get("emissiveFactor", ())):
+            self.file.lost[SHINING] += 1
 
     def _tint(self) -> Array:
         """Return the (3,) mean of the vertex colours, linear."""
@@ -377,7 +413,18 @@ def _normalised(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _frame(node: Any) -> Array:
-    """Return the (4, 4) frame of a node in that of its parent."""
+    """Return the (4, 4) frame of a node in that of its parent. Raises SceneError for one that is not a place."""
+    try:
+        frame = _frame_of(node)
+        if not np.isfinite(frame).all():
+            raise ValueError("it must be of numbers")
+        return frame
+    except (TypeError, ValueError) as error:
+        told = ", ".join(f"{key} {node[key]}" for key in ("matrix", "rotation", "scale", "translation") if key in node)
+        raise SceneError(f"a node has {told}, which is no place ({error}).", "Export it again.") from error
+
+
+def _frame_of(node: Any) -> Array:
     from scipy.spatial.transform import Rotation
 
     if "matrix" in node:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 from collections import Counter
 from collections.abc import Callable
@@ -29,6 +30,8 @@ TEXT_BYTES: Final = 32 * MIB
 """Maximum bytes of a model in text: read, it takes twenty times as much, but for OBJ."""
 _LIGHT: Final = {"glb": b"", "obj": b"", "ply": b"\nformat binary", "stl": b"\0"}
 """What the beginning of a model holds that takes less, by its kind: most are in bytes."""
+_FAR: Final = 1e37
+"""What no vertex lies beyond, in the unit of its file: a number of 32 bits holds no more."""
 _LFS: Final = b"version https://git-lfs"
 
 
@@ -55,13 +58,30 @@ def read_model(path: Path) -> Model:
     except SceneError as error:
         raise SceneError(f"{path} cannot be read: {error.message}", error.remedy) from error
     except Exception as error:  # Broken files make readers fail in every way there is.
-        said = f"{path} cannot be read: {type(error).__name__}: {error}."
-        raise SceneError(said, "" if isinstance(error, ImportError) else "Check that the file is complete.") from error
+        reason, remedy = _told(error)
+        raise SceneError(f"{path} cannot be read: {reason}.", remedy) from error
     if not parts:
         raise SceneError(f"{path} holds no triangle.", "Export its surfaces as a mesh.")
-    if not all(np.isfinite(part.vertices).all() for part in parts):
-        raise SceneError(f"{path} holds vertices that are not numbers.", "Export it again.")
+    if not all((np.abs(part.vertices) < _FAR).all() for part in parts):
+        raise SceneError(f"{path} holds vertices that are not numbers below {_FAR:g}.", "Export it again.")
     return Model(parts, tuple(f"{what}: {count}" for what, count in lost.items()))
+
+
+def _told(error: Exception) -> tuple[str, str]:
+    """Return what a reader failed on, and what helps."""
+    remedy = "Check that the file is complete."
+    match error:
+        case json.JSONDecodeError():
+            return f"its JSON breaks off in line {error.lineno}, column {error.colno}: {error.msg}", remedy
+        case FileNotFoundError():
+            return f"{error.filename}, which it names, is not beside it", "Copy it there, or export one glb."
+        case KeyError():
+            return f"{error} is missing in it, or unknown", remedy
+        case TypeError() | AttributeError():
+            return f"it holds a value of the wrong kind ({error})", "Export it again."
+        case ValueError():
+            return str(error).rstrip("."), remedy
+    return f"{type(error).__name__}: {error}", "" if isinstance(error, ImportError) else remedy
 
 
 def _content(path: Path, kind: str) -> bytes:
@@ -85,8 +105,8 @@ def _read(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counter[
         raise SceneError(f"models are {', '.join(_READERS)}.", "Convert it to glb, for example with Blender.")
     parts = [part for part in _READERS[kind](data, beside, lost) if len(part.faces)]
     for part in parts:
-        if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
-            raise ValueError(f"a triangle names vertex {part.faces.max()} of {len(part.vertices)}")
+        if (wrong := part.faces[(part.faces < 0) | (part.faces >= len(part.vertices))]).size:
+            raise ValueError(f"a triangle names vertex {wrong[0]} of {len(part.vertices)}")
     return parts
 
 

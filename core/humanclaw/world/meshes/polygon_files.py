@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
-from humanclaw.world.meshes.parts import PLAIN, Part, mean_colour, picture_of, text_of
-from humanclaw.world.meshes.polygons import cut
+from humanclaw.errors import SceneError
+from humanclaw.world.meshes.parts import PLAIN, Part, mean_colour, numbers, picture_of, text_of, wrong_line
+from humanclaw.world.meshes.polygons import Indices, cut
 
 Rows = NDArray[Any]
 
@@ -24,6 +25,7 @@ _KINDS: Final = {
     "double": "f8", "float64": "f8",
 }  # fmt: skip
 _CORNERS: Final = ("vertex_indices", "vertex_index")
+_FORMATS: Final = ("ascii", "binary_little_endian", "binary_big_endian")
 _RGB: Final = ("red", "green", "blue")
 _UV: Final = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
 
@@ -43,7 +45,7 @@ def ply_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -
     elements, picture = _ply(data)
     (vertex,), faces = elements["vertex"] or [np.zeros(0, [(axis, "f4") for axis in "xyz"])], elements["face"]
     points = np.stack([vertex[axis].astype(float) for axis in "xyz"], axis=1)
-    loops = [rows[key].astype(np.int64) for rows in faces for key in _CORNERS if key in _names(rows)]
+    loops = [_whole(rows[key]) for rows in faces for key in _CORNERS if key in _names(rows)]
     uv = next((np.stack([vertex[u], vertex[v]], 1) for u, v in _UV if {u, v} <= _names(vertex)), None)
     if faces and all("texcoord" in _names(rows) for rows in faces):  # MeshLab gives each corner its own.
         uv = np.concatenate([rows["texcoord"].reshape(-1, 2) for rows in faces])
@@ -56,6 +58,13 @@ def ply_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -
     yield Part(points, cut(points, loops, lost), None if uv is None else uv.astype(float), colour, texture)
 
 
+def _whole(values: Rows) -> Indices:
+    """Return numbers of vertices. Raises ValueError for one between two."""
+    if values.dtype.kind == "f" and (wrong := values[values != np.floor(values)]).size:
+        raise ValueError(f"a polygon names vertex {wrong[0]}")
+    return values.astype(np.int64)
+
+
 def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
     """Return the elements of a PLY file by name, and the name of its picture; empty without one.
 
@@ -65,16 +74,23 @@ def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
     if not head:
         raise ValueError("it does not begin with the header of a PLY file")
     lines = [line.split() for line in head[0].decode("utf-8", "replace").splitlines()]
-    written = next(words[1] for words in lines if words[:1] == ["format"])
+    written = next((words[1] for words in lines if words[:1] == ["format"] and words[1:]), "")
+    if written not in _FORMATS:
+        raise SceneError(f"its format must be {', '.join(_FORMATS)}, not {written!r}.", "Export it again.")
     order, body = ">" if written == "binary_big_endian" else "<", data[head.end() :]
     listed: list[tuple[str, int, list[_Field]]] = []
     for words in lines:
-        if words[:1] == ["element"]:
-            listed.append((words[1], int(words[2]), []))
-        elif words[:1] == ["property"]:
-            *kinds, name = words[1:]
-            *length, kind = [np.dtype("<f8" if written == "ascii" else order + _KINDS[k]) for k in kinds if k != "list"]
-            listed[-1][2].append(_Field(name, kind, length[0] if length else None))
+        try:
+            if words[:1] == ["element"]:
+                listed.append((words[1], len(range(int(words[2]))), []))
+            elif words[:1] == ["property"]:
+                *kinds, name = words[1:]
+                *length, kind = [
+                    np.dtype("<f8" if written == "ascii" else order + _KINDS[k]) for k in kinds if k != "list"
+                ]
+                listed[-1][2].append(_Field(name, kind, length[0] if length else None))
+        except (IndexError, KeyError, ValueError) as error:
+            raise wrong_line(" ".join(words), "an element with its count, or a property with its type") from error
     if written == "ascii":
         body = _packed(body, listed)
     elements, at = defaultdict[str, list[Rows]](list), 0
@@ -85,9 +101,16 @@ def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
 
 def _packed(text: bytes, listed: Iterable[tuple[str, int, Sequence[_Field]]]) -> bytes:
     """Return numbers in text as bytes: of each line as many as its element has, since some programs write more."""
-    lines = filter(None, (line.split() for line in text.splitlines()))
-    rows = ((np.array(line, "<f8").tobytes(), fields) for _, count, fields in listed for line in islice(lines, count))
-    return b"".join(row[: _lengths(row, 0, fields)[1]] for row, fields in rows)
+    lines = filter(bytes.strip, text.splitlines())
+    return b"".join(_packed_row(line, fields) for _, count, fields in listed for line in islice(lines, count))
+
+
+def _packed_row(line: bytes, fields: Sequence[_Field]) -> bytes:
+    try:
+        row = np.array(line.split(), "<f8").tobytes()
+        return row[: _lengths(row, 0, fields)[1]]
+    except ValueError as error:
+        raise wrong_line(line.decode("utf-8", "replace"), "a number for each property of its header") from error
 
 
 def _rows(data: bytes, at: int, count: int, fields: Sequence[_Field]) -> tuple[list[Rows], int]:
@@ -113,7 +136,10 @@ def _lengths(data: bytes, at: int, fields: Sequence[_Field]) -> tuple[tuple[int,
     for _, kind, length in fields:
         size = 1
         if length:
-            size = int(np.frombuffer(data, length, 1, at)[0])
+            number = np.frombuffer(data, length, 1, at)[0]
+            size = int(number)
+            if size != number or size < 0:
+                raise ValueError(f"a list has {number} values")
             at += length.itemsize
             sizes.append(size)
         at += size * kind.itemsize
@@ -137,17 +163,29 @@ def _names(rows: Rows) -> set[str]:
 def off_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
     """Yield the triangles of an OFF file, whose colours and normals are left out. lost: counts what else is."""
     text = "\n".join(line.partition("#")[0] for line in text_of(data).split("\n"))
-    head, *rows = [words for line in re.sub(r"^\s*(ST)?C?N?OFF", "", text).splitlines() if (words := line.split())]
-    if not head[0].isdecimal():
-        raise ValueError(f"it must be an OFF file in text; it begins with {head[0][:20]!r}")
-    vertices, count = int(head[0]), int(head[1])
-    points = np.array([row[:3] for row in rows[:vertices]], float).reshape(-1, 3)
-    groups = defaultdict[int, list[list[str]]](list)
-    for row in rows[vertices : vertices + count]:
-        groups[int(row[0])].append(row[1 : int(row[0]) + 1])
+    head, *rows = [*filter(str.strip, re.sub(r"^\s*(ST)?C?N?OFF", "", text).split("\n")), ""][:-1] or [""]
+    if not re.match(r"\s*\d+\s+\d+", head):
+        raise ValueError(f"it must be an OFF file in text with its counts; it begins with {head[:20]!r}")
+    vertices, count = map(int, head.split()[:2])
     if len(rows) < vertices + count:
         raise ValueError(f"it ends after {len(rows)} of {vertices + count} lines")
+    points = numbers("\n".join(rows[:vertices]), 0, 3, 3, np.nan)
+    groups = defaultdict[int, list[list[int]]](list)
+    for loop in map(_loop, rows[vertices : vertices + count]):
+        groups[len(loop)].append(loop)
     yield Part(points, cut(points, (np.array(loops, np.int64) for loops in groups.values()), lost), None, PLAIN)
+
+
+def _loop(line: str) -> list[int]:
+    """Return the corners of a polygon of an OFF file, behind their count and before its colour."""
+    words = line.split()
+    try:
+        size, *corners = map(int, words[: max(int(words[0]), 0) + 1])
+    except ValueError:
+        size, corners = -1, []
+    if size != len(corners):
+        raise wrong_line(line, "a count and as many numbers of vertices")
+    return corners
 
 
 def stl_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
@@ -168,8 +206,8 @@ def _stl_bytes(data: bytes) -> Array:
 
 
 def _stl_text(text: str) -> Array:
-    lines = [words for line in text.lower().splitlines() if (words := line.split())]
-    counts = Counter(first for first, *_ in lines)
+    lines = text.lower().split("\n")
+    counts = Counter(words[0] for line in lines if (words := line.split(maxsplit=1)))
     if counts["endsolid"] < counts["solid"] or counts["vertex"] != 3 * counts["facet"]:
         raise ValueError("it ends in the middle of a solid")
-    return np.array([words[1:4] for words in lines if words[0] == "vertex"], float)
+    return numbers("".join(f"{line}\n" for line in lines if line.split(maxsplit=1)[:1] == ["vertex"]), 1, 3, 3, np.nan)

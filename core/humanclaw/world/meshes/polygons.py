@@ -30,8 +30,8 @@ def cut(vertices: Array, polygons: Iterable[Indices], lost: Counter[str]) -> Ind
     """
     faces = [np.zeros((0, 3), np.int64)]
     for loops in polygons:
-        if loops.size and not 0 <= loops.min() <= loops.max() < len(vertices):
-            raise ValueError(f"a polygon names vertex {loops.max()} of {len(vertices)}")
+        if (wrong := loops[(loops < 0) | (loops >= len(vertices))]).size:
+            raise ValueError(f"a polygon names vertex {wrong[0]} of {len(vertices)}")
         first = np.broadcast_to(loops[:, :1], loops[:, 2:].shape)
         fans = np.stack([first, loops[:, 1:-1], loops[:, 2:]], axis=-1)
         for number in _folded(vertices[fans]) if loops.shape[1] > 3 else ():
