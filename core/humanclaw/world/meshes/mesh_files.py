@@ -58,7 +58,7 @@ def read_model(path: Path) -> Model:
     except SceneError as error:
         raise SceneError(f"{path} cannot be read: {error.message}", error.remedy) from error
     except Exception as error:  # Broken files make readers fail in every way there is.
-        reason, remedy = _told(error)
+        reason, remedy = _told(error, path)
         raise SceneError(f"{path} cannot be read: {reason}.", remedy) from error
     if not parts:
         raise SceneError(f"{path} holds no triangle.", "Export its surfaces as a mesh.")
@@ -67,13 +67,13 @@ def read_model(path: Path) -> Model:
     return Model(parts, tuple(f"{what}: {count}" for what, count in lost.items()))
 
 
-def _told(error: Exception) -> tuple[str, str]:
+def _told(error: Exception, path: Path) -> tuple[str, str]:
     """Return what a reader failed on, and what helps."""
     remedy = "Check that the file is complete."
     match error:
         case json.JSONDecodeError():
             return f"its JSON breaks off in line {error.lineno}, column {error.colno}: {error.msg}", remedy
-        case FileNotFoundError():
+        case FileNotFoundError() if Path(error.filename) != path:
             return f"{error.filename}, which it names, is not beside it", "Copy it there, or export one glb."
         case KeyError():
             return f"{error} is missing in it, or unknown", remedy
