@@ -178,6 +178,13 @@ ALONE: Final = tuple(
 """Stages of tasks for hands by themselves."""
 SELF: Final = (*(_stage(f"{kind}?", STAGE + kind, about) for kind, about in KNOWLEDGE.items()), SOLVED)
 """Columns of questions about oneself: an agent's profile."""
+
+
+def _touched(scores: Scores) -> float:
+    """Return the steps that touch the partner; NaN where a hand is to meet the partner's."""
+    return np.nan if "give" in scores.hands else scores.touched
+
+
 TWO: Final = (
     _stage("ViewSR", "find", "the partner was in view"),
     _stage("MeetSR", "meet", "stopped within 1 m of the partner, who was in view within 45 degrees"),
@@ -188,7 +195,7 @@ TWO: Final = (
     SOLVED,
     _mean("motion (s)", lambda s: s.motion, better=""),
     _mean("apart (m)", lambda s: s.apart, 2, better="", meaning="mean distance to the partner"),
-    _mean("touched", lambda s: s.touched, 2, meaning="steps that touch the partner"),
+    _mean("touched", _touched, 2, meaning="steps that touch a partner to whom nothing is to be given"),
     _mean("words", lambda s: s.words, better="", meaning="words said"),
     COLLISIONS,
 )  # fmt: skip

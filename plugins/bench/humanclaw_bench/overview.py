@@ -16,10 +16,10 @@ from humanclaw_bench.tables import EXPLAINED, ResultTable, all_tables, happened
 from humanclaw_bench.writers import bearing, compared, texts
 
 SHOWN = (
-    "main", "tasks", "hands", "self", "funnel", "causes", "faculties", "hand-causes", "difficulty", "category",
-    "variants", "body", "own", "plugins",
+    "main", "tasks", "hands", "self", "two", "funnel", "causes", "faculties", "hand-causes", "two-causes",
+    "difficulty", "category", "variants", "body", "own", "plugins",
 )  # fmt: skip
-DRAWN = {"funnel": True, "causes": False, "faculties": False, "hand-causes": False}
+DRAWN = {"funnel": True, "causes": False, "faculties": False, "hand-causes": False, "two-causes": False}
 """Tables of shares that the page draws as charts, and whether the columns become the rows of the chart."""
 
 
@@ -43,7 +43,7 @@ def overview(runs: Runs, page: Page, plugins: Plugins) -> None:
         _tell_episodes(run, episodes, page, pairs[run])
     run_results = results_from(runs, pairs)
     tables = all_tables(run_results, paper=False)
-    tables |= {name: happened(tables[name]) for name in ("causes", "faculties", "hand-causes")}
+    tables |= {name: happened(tables[name]) for name in ("causes", "faculties", "hand-causes", "two-causes")}
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, name)

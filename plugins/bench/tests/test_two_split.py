@@ -6,6 +6,7 @@ from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from humanclaw.storage import Folder
 from humanclaw.world import Contact, Heard, MultiFloorMap, SceneBuilder
 from humanclaw_bench.cli import bench
 from humanclaw_bench.failure_modes import first_cause
+from humanclaw_bench.overview import overview
 from humanclaw_bench.replay import replay
 from humanclaw_bench.splits import HOUSES, load_split
 from humanclaw_bench.two.generate import EACH, episodes
@@ -254,6 +256,14 @@ def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, tas
     shown = CliRunner().invoke(bench, ["table", str(run), "--format", "markdown"], catch_exceptions=False).output
     assert "MeetSR" in shown
     assert CliRunner().invoke(bench, ["verify", str(run)]).exit_code == 0
+    page = MagicMock()
+    overview({run: [episode]}, page, Plugins.discover(files))
+    (head, (row,)), *_ = [call.args[1:] for call in page.table.call_args_list if call.args[0] == "Tasks with a partner"]
+    told = dict(zip(head, row, strict=True))
+    (touched,) = [cell for name, cell in told.items() if name.startswith("touched")]
+    (solved_cell,) = [cell for name, cell in told.items() if name.startswith("solved")]
+    assert "100.0%" in solved_cell
+    assert any(map(str.isdigit, touched)) == (task != "give")
 
 
 @pytest.mark.integration

@@ -22,7 +22,7 @@ from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.cli import counted
 from humanclaw.records import Usage
 from humanclaw.storage import Folder
-from humanclaw_report.episode_summary import in_words, milestones, touches, verdict_of
+from humanclaw_report.episode_summary import Facts, in_words, milestones, touches, verdict_of
 from humanclaw_report.floor_plan import colour, path_maps
 from humanclaw_report.replay import EVERY, as_json, data_uri, person, replay
 from humanclaw_report.scene_cache import Drawn
@@ -34,6 +34,7 @@ FILM_BYTES: Final = 4_000_000
 """A larger film is linked instead of embedded."""
 FRAMES_BYTES: Final = 12_000_000
 """If all views together are larger than this, they are linked instead of embedded."""
+_UNTOLD: Final = Facts()
 
 
 @dataclass(frozen=True)
@@ -84,16 +85,16 @@ class FilmView:
 
 def episode_page(
     recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None,
-    cause: tuple[str, int | None] = ("", None),
+    facts: Facts = _UNTOLD,
 ) -> str:  # fmt: skip
     """Return the HTML of an episode.
 
     Args:
         page: Path that it will be written to.
         shared: None for a self-contained page.
-        cause: Why the episode failed, as a benchmark told, and the step that decided it; empty if it did not.
+        facts: What a benchmark told about the episode.
     """
-    met, moving = milestones(recorded), replay(recorded, drawn.names, drawn.floors, drawn.open_floor)
+    met, moving = milestones(recorded, facts.success), replay(recorded, drawn.names, drawn.floors, drawn.open_floor)
     steps = _steps(recorded, drawn.names, page, inside=shared is None)
     others = list(_others(recorded, page, inside=shared is None))
     return (
@@ -108,12 +109,12 @@ def episode_page(
             steps=steps,
             storeys=path_maps(recorded, drawn.maps, drawn.note),
             empty=drawn.open_floor and not (recorded.record.targets or any(storey.objects for storey in drawn.maps)),
-            marks=marks(recorded, drawn.names, *cause),
+            marks=marks(recorded, drawn.names, facts.cause, facts.step),
             chart=_chart(recorded),
             filmed=_film(recorded.files, page),
             house=drawn.maps if drawn.digest else (),
             parts=PARTS,
-            cause=cause,
+            cause=(facts.cause, facts.step),
             shared=shared,
             three="" if shared or not moving else script(three()),
             skin_script="" if shared or not moving else script(skin_script()),

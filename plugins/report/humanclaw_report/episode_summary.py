@@ -18,8 +18,19 @@ from humanclaw.world import Contact
 
 
 @dataclass(frozen=True)
+class Facts:
+    """Facts that a benchmark adds about an episode."""
+
+    success: bool | None = None
+    cause: str = ""
+    tier: str = ""
+    step: int | None = None
+    """Step at which the cause was decided."""
+
+
+@dataclass(frozen=True)
 class Milestone:
-    """A milestone (in view, reached, sat or stopped), whether it was met, and one fact about it."""
+    """A milestone (in view, reached, sat, solved or stopped), whether it was met, and one fact about it."""
 
     name: str
     met: bool
@@ -34,13 +45,16 @@ def episodes_asked(run: Path) -> int:
         return 0
 
 
-def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
+def milestones(recorded: RecordedEpisode, success: bool | None = None) -> tuple[Milestone, ...]:
     """Return the milestones of an episode.
 
-    They follow from geometry and the active stop alone; metrics also ask what the agent acknowledged.
+    They follow from geometry and the active stop alone; metrics also ask what the agent acknowledged. A task of
+    one's own, or with a partner, has the one that a benchmark told: its success, if that is known.
     """
     spec, steps = recorded.record.spec, recorded.steps
     stopped = Milestone("stopped", recorded.record.outcome == "stopped", f"after {counted(len(steps), 'step')}")
+    if task := spec.success or (spec.partner.task if spec.partner else ""):
+        return (stopped,) if success is None else (Milestone("solved", success, task.replace("_", " ")), stopped)
     if not spec.target_ids:
         return (stopped,)
     seen = next((s for s in steps if in_view(s)), None)
@@ -86,6 +100,7 @@ def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
         f"{'ended' if facts[name].met else 'did not end'} within reach of it" for name in facts if name == "reached"
     ]
     parts += [f"{'sat' if facts[name].met else 'did not sit'} on it" for name in facts if name == "sat"]
+    parts += [f"{'solved' if facts[name].met else 'did not solve'} its task" for name in facts if name == "solved"]
     parts.append(endings[record.outcome])
     return "The body " + (", ".join(parts[:-1]) + " and " if parts[:-1] else "") + parts[-1] + "."
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import RecordedEpisode, Scene
-from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.body import REGIONS, SKINS, Array, matrix_from_quaternion, skin
 from humanclaw.records import Vec3
-from humanclaw.world import OBSTACLE_HEIGHTS, STEP, SceneObject, floors_of
+from humanclaw.world import OBSTACLE_HEIGHTS, STEP, SceneObject, body_numbers, floors_of
 
 TIME_COLOURS: Final = np.array([[61, 108, 235], [150, 84, 214], [212, 72, 143], [231, 103, 60], [226, 160, 48]], float)
 """Colours from start to end of a path: of even lightness, so that they show on light and dark pages."""
@@ -60,6 +60,8 @@ class PathMap:
     """x, z, width and depth in centimetres, z of the label, and label; empty where it would lie over another one."""
     note: str = ""
     """Why the house is not drawn."""
+    others: tuple[tuple[Polygon, str], ...] = ()
+    """Points of a way that another body went, and the colour of its shirt; of one that stands, one place twice."""
 
 
 def storeys_at(floors: Sequence[float], heights: Array | float) -> NDArray[np.int64]:
@@ -186,21 +188,47 @@ def _around(points: Array, margin: float) -> Box:
 
 def path_maps(recorded: RecordedEpisode, house: Sequence[HouseMap], note: str = "") -> tuple[PathMap, ...]:
     """Return the maps of the storeys that hold part of the path or a target, lowest first."""
-    walked = _walked(recorded)
+    walked, ways = _walked(recorded), list(_ways(recorded))
     floors = [storey.floor for storey in house]
     pieces = storeys_at(floors, np.array([piece[:, 1].mean() for piece in walked]))
     targets = list(recorded.record.targets.values())
     on = storeys_at(floors, np.array([low[1] for low, _ in targets]))
-    extent = [100 * piece[:, [0, 2]] for piece in walked] + [100 * np.array(corners)[:, [0, 2]] for corners in targets]
+    extent = [100 * piece[:, [0, 2]] for piece in (*walked, *(way for way, _ in ways))]
+    extent += [100 * np.array(corners)[:, [0, 2]] for corners in targets]
     # Without the house, the map is as large as path and targets need.
     box = house[0].box if house[0].box[2] else _around(np.concatenate(extent), 60)
+    others = [(storeys_at(floors, way[:, 1]), way, shirt) for way, shirt in ways]
     return tuple(
         _path_map(
-            recorded, replace(storey, box=box), walked, pieces == k, [targets[n] for n in np.flatnonzero(on == k)], note
+            recorded,
+            replace(storey, box=box),
+            walked,
+            pieces == k,
+            [targets[n] for n in np.flatnonzero(on == k)],
+            note,
+            tuple((points, shirt) for at, way, shirt in others for points in _stretches(way, at == k)),
         )
         for k, storey in enumerate(house)
-        if k in pieces or k in on
+        if k in pieces or k in on or any(k in at for at, _, _ in others)
     )
+
+
+def _ways(recorded: RecordedEpisode) -> Iterator[tuple[Array, str]]:
+    """Yield (N, 3) pelvis positions of each other body, and the colour of its shirt."""
+    people = recorded.people() if recorded.has_motion else {}
+    _, *numbers = body_numbers(list(people))
+    for number, way in zip(numbers, people.values(), strict=True):
+        shirt = skin(SKINS[number % len(SKINS)]).colours[REGIONS.index("shirt")]
+        yield way.root[::3], "#" + bytes(shirt).hex()
+
+
+def _stretches(way: Array, here: NDArray[np.bool_]) -> Iterator[Polygon]:
+    """Yield the points of each stretch of a way on one storey, each place once; a single one twice, to be a dot."""
+    for stretch in np.split(np.arange(len(way)), np.flatnonzero(np.diff(here)) + 1):
+        if len(stretch) and here[stretch[0]]:
+            flat = way[stretch][:, [0, 2]].round(2)
+            flat = flat[[True, *(np.diff(flat, axis=0) != 0).any(1)]]
+            yield _points(flat if len(flat) > 1 else flat[[0, 0]])
 
 
 def _path_map(
@@ -210,6 +238,7 @@ def _path_map(
     here: NDArray[np.bool_],
     targets: list[Corners],
     note: str,
+    others: tuple[tuple[Polygon, str], ...],
 ) -> PathMap:
     """Draw the path on one storey. here: (pieces,) whether each piece of the path is on this storey."""
     record = recorded.record
@@ -228,6 +257,7 @@ def _path_map(
         end=_mark(walked[-1][-1], _last_yaw(recorded)) if here[-1] else None,
         targets=tuple(_labelled(targets, noun, house)),
         note=note,
+        others=others,
     )
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from dataclasses import astuple
 from pathlib import Path
 from typing import Final
 
 from humanclaw import RecordedEpisode
 from humanclaw.storage import Cache, Folder, source_digest
+from humanclaw_report.episode_summary import Facts
 
 CODE: Final = ("humanclaw_report", "humanclaw/body", "humanclaw/cli", "humanclaw/records", "humanclaw/text")
 MOST: Final = 1 << 30
@@ -62,7 +64,7 @@ def made_of_house(digest: str) -> str:
     return f"{source_digest(CODE)} {digest}"
 
 
-def made_of(episode: RecordedEpisode, run: str, cause: tuple[str, int | None]) -> str:
+def made_of(episode: RecordedEpisode, run: str, facts: Facts) -> str:
     """Return a digest of all that an episode's page shows; empty if its record or house may change unseen.
 
     run: address of the page of the run.
@@ -71,5 +73,5 @@ def made_of(episode: RecordedEpisode, run: str, cause: tuple[str, int | None]) -
     if not all(record.seal and record.files and record.scene_digest for record in records):
         return ""
     films = [film and film.st_mtime_ns for film in map(episode.files.status, ("film.mp4", "film.gif"))]
-    shown = [source_digest(CODE), [record.seal for record in records], films, run, cause]
+    shown = [source_digest(CODE), [record.seal for record in records], films, run, astuple(facts)]
     return hashlib.sha256(json.dumps(shown).encode()).hexdigest()

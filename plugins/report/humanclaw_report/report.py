@@ -12,7 +12,7 @@ from humanclaw import RecordedEpisode, RecordError, Scene, load_run
 from humanclaw.records import REPORT
 from humanclaw.storage import Folder, write_result
 from humanclaw_report.episode_page import Shared, episode_page, link, skin_script
-from humanclaw_report.episode_summary import episodes_asked
+from humanclaw_report.episode_summary import Facts, episodes_asked
 from humanclaw_report.kept_pages import KeptPages, made_of, made_of_house
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.scene_cache import Houses
@@ -68,8 +68,8 @@ def _page(episodes_of: Runs, target: Path, houses: Houses, contribute: Contribut
         contribute(episodes_of, collected)
     if len(episodes) == 1:
         (run,) = (run for run, episodes_of_run in episodes_of.items() if episodes_of_run)
-        cause = collected.cause(run, episodes[0].record.spec.id)
-        return episode_page(episodes[0], houses.of(episodes[0]), target, cause=cause)
+        facts = collected.told(run, episodes[0].record.spec.id)
+        return episode_page(episodes[0], houses.of(episodes[0]), target, facts=facts)
     _write_episodes(episodes_of, target, houses, collected)
     asked = {run: episodes_asked(run) for run in episodes_of}
     return run_page(episodes_of, collected, target, lambda e: e.folder / PAGE, asked)
@@ -85,17 +85,17 @@ def _write_episodes(episodes_of: Runs, target: Path, houses: Houses, collected: 
             shelf.write("three.js", three().encode())
             shelf.write("skin.js", skin_script().encode())
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
-                _write_episode(episode, houses, collected.cause(run, episode.record.spec.id), shelf, home, kept)
+                _write_episode(episode, houses, collected.told(run, episode.record.spec.id), shelf, home, kept)
                 bar.update()
             kept.save()
 
 
 def _write_episode(
-    episode: RecordedEpisode, houses: Houses, cause: tuple[str, int | None], shelf: Folder, run: Path, kept: KeptPages
+    episode: RecordedEpisode, houses: Houses, facts: Facts, shelf: Folder, run: Path, kept: KeptPages
 ) -> None:
     """Write the page of an episode and the script of its house, unless they are there as they would be written."""
     page, digest = episode.folder / PAGE, episode.record.scene_digest
-    same = made_of(episode, link(run, page), cause)
+    same = made_of(episode, link(run, page), facts)
     if kept.has(shelf, _script(digest), made_of_house(digest)) and kept.has(episode.files, PAGE, same):
         return
     drawn = houses.of(episode)
@@ -104,7 +104,7 @@ def _write_episode(
     if drawn.digest and not kept.has(shelf, script, house):
         kept.write(shelf, script, drawn.script.encode(), house)
     names = (shelf.path / "three.js", shelf.path / "skin.js", shelf.path / script, run)
-    html = episode_page(episode, drawn, page, Shared(*(link(name, page) for name in names)), cause)
+    html = episode_page(episode, drawn, page, Shared(*(link(name, page) for name in names)), facts)
     # A house that is missing today may be there tomorrow.
     kept.write(episode.files, PAGE, html.encode(), same if drawn.digest else "")
 

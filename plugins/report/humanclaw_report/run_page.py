@@ -13,7 +13,7 @@ from humanclaw import RecordedEpisode
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeSpec, Usage
 from humanclaw_report.episode_page import PARTS, environment, link
-from humanclaw_report.episode_summary import Milestone, listed, milestones
+from humanclaw_report.episode_summary import Facts, Milestone, listed, milestones
 
 WORDS: Final = {True: "success", False: "failure", None: "not counted"}
 """The result of an episode in a word, for readers who do not see colours."""
@@ -57,17 +57,6 @@ class Table:
         return replace(self, head=("", *(row[0].text for row in self.rows)), rows=rows)
 
 
-@dataclass(frozen=True)
-class Facts:
-    """Facts that a benchmark adds about an episode."""
-
-    success: bool | None
-    cause: str = ""
-    tier: str = ""
-    step: int | None = None
-    """Step at which the cause was decided."""
-
-
 @dataclass
 class Collected:
     """Tables and facts that plugins added; implements humanclaw_report.hookspecs.Overview."""
@@ -88,10 +77,9 @@ class Collected:
     ) -> None:
         self.facts[run, name] = Facts(success, cause, tier, step)
 
-    def cause(self, run: Path, name: str) -> tuple[str, int | None]:
-        """Return why an episode failed and the step that decided it; empty if it did not, or no benchmark told."""
-        facts = self.facts.get((run, name))
-        return (facts.cause, facts.step) if facts else ("", None)
+    def told(self, run: Path, name: str) -> Facts:
+        """Return what a benchmark told about an episode; empty if none did."""
+        return self.facts.get((run, name), Facts())
 
 
 def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:
@@ -223,7 +211,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 
 def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path) -> Result:
-    met, record = milestones(episode), episode.record
+    met, record = milestones(episode, facts.success if facts else None), episode.record
     # Without a benchmark, an episode succeeds if it met all of its milestones.
     facts = facts or Facts(
         None if record.outcome in ("infra_error", "interrupted", "running") else all(m.met for m in met)

@@ -17,7 +17,7 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError, load_run
-from humanclaw.body import HISTORY
+from humanclaw.body import HISTORY, REGIONS, SKINS, skin
 from humanclaw.records import write_record
 from humanclaw.world import person_id
 from humanclaw_report.episode_summary import in_words, milestones, named, touches
@@ -468,3 +468,21 @@ def test_of_two_bodies_the_page_shows_both_views_and_colours(tmp_path: Path) -> 
     other = RecordedEpisode(tmp_path / "one")
     assert seen == data_uri(other.view(other.steps[0]), "image/jpeg")
     assert '"looks": [1, 0]' in "".join(page.scripts)
+    shirt = "#" + bytes(skin(SKINS[0]).colours[REGIONS.index("shirt")]).hex()
+    (way,) = [tag for tag in page.all("polyline") if tag.get("class") == "path other"]
+    assert way["stroke"] == shirt
+    last = np.array([float(number) for number in way["points"].replace(",", " ").split()])[-2:]
+    assert last == pytest.approx(100 * other.motion().root[::3][-1, [0, 2]], abs=1.0)
+
+
+def test_the_page_of_a_task_of_ones_own_tells_its_success_alone(tmp_path: Path) -> None:
+    record_episode(tmp_path)
+    recorded = RecordedEpisode(tmp_path)
+    recorded.record = recorded.record.model_copy(
+        update={"spec": recorded.record.spec.model_copy(update={"success": "to_the_kitchen"})}
+    )
+    assert [stage.name for stage in milestones(recorded)] == ["stopped"]
+    solved, _ = met = milestones(recorded, success=True)
+    assert (solved.name, solved.met, solved.detail) == ("solved", True, "to the kitchen")
+    assert in_words(recorded, met).startswith("The body solved its task and stopped")
+    assert "did not solve its task" in in_words(recorded, milestones(recorded, success=False))
