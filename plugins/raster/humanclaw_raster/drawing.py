@@ -75,7 +75,8 @@ def draw(
     faces, count = np.empty((count, 2), np.int32), np.int64(0)
     for item in range(order.shape[0]):
         instance, cluster = order[item]
-        turn, shift = place_model(instances, instance, pinhole)
+        # Another type of number would compile it twice.
+        turn, shift = place_model(instances, np.int64(instance), pinhole)
         if _hidden(turn, shift, model.spheres[cluster], pinhole.focal, inverse_depth):
             continue
         for face in range(model.clusters[cluster, 0], model.clusters[cluster, 1]):

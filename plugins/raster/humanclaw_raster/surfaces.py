@@ -37,11 +37,15 @@ def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, face
     table, owner = np.empty((faces.shape[0], SURFACE), np.float32), -1
     turn, shift = np.empty((3, 3)), np.empty(3)
     # A mirror image of a camera sees a face turn the other way round.
-    hand = np.sign((np.cross(pinhole.axes[0], pinhole.axes[1]) * pinhole.axes[2]).sum())
+    a, b, c = pinhole.axes
+    # Their triple product, since numpy's cross product takes two seconds to compile.
+    hand = np.sign(
+        (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2]
+    )
     for number in range(faces.shape[0]):
         face, instance = faces[number]
         if instance != owner:
-            turn, shift = place_model(instances, instance, pinhole)
+            turn, shift = place_model(instances, np.int64(instance), pinhole)
             owner = instance
         side = hand * _place(model, turn, shift, face, table[number])
         _shade(model, instances.turn[instance], lit.around[instance], side, face, table[number])

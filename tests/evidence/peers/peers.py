@@ -101,7 +101,7 @@ def physics() -> Lines:
     theirs = json.loads(said([environment("steps") / "python", HERE / "steps.py", "others"]))
     laws = {engine: (ours[f"{engine}, half-physics"], ours[f"{engine}, bare"]) for engine in ("bullet", "mujoco")}
     told = [f"{engine} {bare:.3f} ms and {law / bare:.2f} times that" for engine, (law, bare) in laws.items()]
-    yield f"A substep in `house:0`, bare (limp body) and half-physics (walking): {'; '.join(told)}."
+    yield f"A substep in `house:0`, bare (limp body; MuJoCo: one step of a walk) and half-physics: {'; '.join(told)}."
     steps = ours["humanclaw"], theirs["humanoid"], theirs["robosuite"]
     told = [f"{ms:.2f} ms" for ms in steps]
     works = "ours (0.5 s)", "Gymnasium's Humanoid-v5 (0.015 s)", "robosuite's Lift (0.05 s)"
