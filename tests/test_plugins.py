@@ -401,9 +401,22 @@ def test_a_distribution_without_metadata_takes_no_other_down(site, reader):
         ("entry_points.txt", "[humanclaw]\nhc_odd = hc_odd\n".encode("utf-16")),
         ("entry_points.txt", "[humanclaw]\nhc_odd = hc_odd\n".encode("utf-8-sig")),
         ("entry_points.txt", b"[console_scripts]\nno equals sign\n"),
+        ("entry_points.txt", b"[humanclaw\nhc_odd = hc_odd\n"),
+        ("entry_points.txt", b"# plugins\nhc_odd = hc_odd\n"),
+        ("entry_points.txt", b"\0\0\0\0"),
+        ("entry_points.txt", b"[HumanCLAW]\nhc_odd = hc_odd\n"),
         ("METADATA", "Metadata-Version: 2.1\nName: acme-odd\nVersion: 1.0\nAuthor: Jäger\n".encode("latin-1")),
     ],
-    ids=["entry points in UTF-16", "entry points after a mark", "malformed entry points", "metadata in Latin-1"],
+    ids=[
+        "entry points in UTF-16",
+        "entry points after a mark",
+        "malformed entry points",
+        "no end of the group",
+        "no group",
+        "zeros",
+        "group in capitals",
+        "metadata in Latin-1",
+    ],
 )
 def test_a_distribution_with_unreadable_metadata_is_named(site, file, content, caplog):
     write_distribution(site, "acme-odd", "hc_odd", "")
@@ -413,6 +426,13 @@ def test_a_distribution_with_unreadable_metadata_is_named(site, file, content, c
     assert "acme_odd-1.0.dist-info cannot be read: " in plugins.info("acme-odd").error
     assert CliRunner().invoke(build(Modules), ["--help"]).exit_code == 0
     assert "plugin 'acme-odd' is left out: " in caplog.text
+
+
+@pytest.mark.parametrize("value", ["", "hc/odd"])
+def test_an_entry_point_that_names_no_module_is_told(site, value):
+    write_distribution(site, "acme-odd", "hc_odd", "")
+    (site / "acme_odd-1.0.dist-info" / "entry_points.txt").write_text(f"[humanclaw]\nhc_odd = {value}\n")
+    assert repr(value) in Plugins.discover().info("acme-odd").error
 
 
 def test_a_module_that_raises_for_missing_names_is_disabled_by_name(site):

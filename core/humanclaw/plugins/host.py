@@ -50,6 +50,8 @@ _DECIDERS: Final = ("agents", "verifiers")
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
 _OURS: Final = re.compile(r"humanclaw(?![\w.-])", re.IGNORECASE)
 """A requirement of the core itself; of a hundred others the name is not worth parsing."""
+_OUTSIDE: Final = re.compile(r"(?m)^\s*[^\s\[#].*")
+"""A line of entry points that is no heading, where there are no entry points: no heading is above it."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -541,15 +543,20 @@ def installed() -> list[tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint
     for dist in importlib.metadata.distributions():
         try:
             every = dist.entry_points  # Read once: each access reads and parses the file anew.
-            if not every and (dist.read_text("entry_points.txt") or "").startswith("\ufeff"):
-                raise ValueError("entry_points.txt begins with a byte-order mark: save it as plain UTF-8")
+            if not every and (outside := _OUTSIDE.search(dist.read_text("entry_points.txt") or "")):
+                line = outside[0].strip()[:60]
+                raise ValueError(f"entry_points.txt must begin with a group, as [{hookspecs.PROJECT}], not {line!r}")
+            if wrong := [group for group in every.groups if group.strip().lower() == hookspecs.PROJECT != group]:
+                raise ValueError(f"entry_points.txt has the group [{wrong[0]}] instead of [{hookspecs.PROJECT}]")
             if not (points := tuple(every.select(group=hookspecs.PROJECT))):
                 continue
             info = _info(dist)
         except Exception as error:
             folder = Path(str(getattr(dist, "_path", "unknown")))  # Nothing else names it without its metadata.
             name = canonicalize_name(folder.stem.partition("-")[0])
-            info = PluginInfo(name, "", name, error=f"{folder} cannot be read: {in_words(error)}. Reinstall it")
+            odd = "a line of entry_points.txt is not as in name = module"  # Python's own error does not say so.
+            told = odd if isinstance(error, TypeError) else in_words(error)
+            info = PluginInfo(name, "", name, error=f"{folder} cannot be read: {told}. Reinstall it")
             points = ()
         plugins.setdefault(info.name, (info, () if info.error else points))
     return sorted(plugins.values(), key=lambda pair: (pair[0].name != hookspecs.PROJECT, pair[0].name))
@@ -570,8 +577,16 @@ def _info(dist: importlib.metadata.Distribution) -> PluginInfo:
 
 def _load(info: PluginInfo, point: importlib.metadata.EntryPoint) -> tuple[ModuleType, bool]:
     """Import a plugin's module, and tell whether others may need it."""
-    module = point.load()
+    module = _module(point)
     return module, any(hasattr(module, hook) for hook in _EARLY)
+
+
+def _module(point: importlib.metadata.EntryPoint) -> ModuleType:
+    if not point.pattern.match(point.value):
+        message = f"its entry point {point.name!r} names {point.value!r}, which is no module."
+        raise PluginError(message, f"Write {point.name} = its_module into its entry points.")
+    module: ModuleType = point.load()
+    return module
 
 
 class Modules:
@@ -597,7 +612,7 @@ class Modules:
 def _tell(point: importlib.metadata.EntryPoint, hook: str, event: Mapping[str, Any]) -> None:
     manager = pluggy.PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
-    module = point.load()
+    module = _module(point)
     if hasattr(module, hook):
         check_api(getattr(module, "HUMANCLAW_API", hookspecs.API_VERSION), point.name)
         manager.register(module)

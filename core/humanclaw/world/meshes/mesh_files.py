@@ -73,7 +73,7 @@ def _told(error: Exception, path: Path) -> tuple[str, str]:
     match error:
         case json.JSONDecodeError():
             return f"its JSON breaks off in line {error.lineno}, column {error.colno}: {error.msg}", remedy
-        case FileNotFoundError() if Path(error.filename) != path:
+        case FileNotFoundError() if Path(error.filename).name != path.name:
             return f"{error.filename}, which it names, is not beside it", "Copy it there, or export one glb."
         case KeyError():
             return f"{error} is missing in it, or unknown", remedy
