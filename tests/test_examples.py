@@ -78,7 +78,7 @@ def test_third_parties_bring_an_adapter_an_observer_and_an_agent(house, tmp_path
         body.reset(house)
         agent = plugins.make("agents", "rover", {})
         run_episode(body, free_episode("wander", house, max_steps=3), agent, folder=tmp_path / "episode")
-    (episode,) = load_run(tmp_path)
+    (episode,) = load_run(str(tmp_path))
     assert [step.call.skill for step in episode.steps] == ["walk", "walk", "stop"]
     assert "free-0 (stopped): of 3 steps touched " in capsys.readouterr().out
     assert set(episode.record.skills) >= {"stroll", "walk"}

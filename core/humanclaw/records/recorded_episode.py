@@ -174,12 +174,12 @@ def _cells(episode: RecordedEpisode) -> tuple[str, ...]:
     )
 
 
-def load_run(folder: Path) -> RecordedRun:
+def load_run(folder: Path | str) -> RecordedRun:
     """Read all episodes under a folder, by name. Raises RecordError if there are none."""
-    folders = Folder(folder).holding("episode.json")
+    folders = Folder(Path(folder)).holding("episode.json")
     if not folders:
         remedy = "Name a folder that `humanclaw run` or `humanclaw bench run` wrote."
-        raise lacking(folder, "episode record", remedy)
+        raise lacking(Path(folder), "episode record", remedy)
     episodes = RecordedRun(map(RecordedEpisode, folders))
     for run in {episode.folder.parent for episode in episodes}:
         if Folder(run).has("run.json"):

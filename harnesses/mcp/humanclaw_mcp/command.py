@@ -117,11 +117,16 @@ async def _end_by_signal(bodies: Bodies) -> None:
 
     At once, because Python would wait for the thread that reads the client's next line, and nothing can wake it.
     """
-    with anyio.open_signal_receiver(signal.SIGTERM, signal.SIGINT) as signals:
+    with anyio.open_signal_receiver(signal.SIGTERM, signal.SIGINT, *_hang_ups()) as signals:
         async for number in signals:
             await bodies.close()
             print("Stopped.", file=sys.stderr, flush=True)
             os._exit(128 + number)
+
+
+def _hang_ups() -> list[signal.Signals]:
+    """Return the signal of a closed terminal, but under nohup, which has it ignored, and on Windows, which has none."""
+    return [signal.SIGHUP] if os.name != "nt" and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
 
 
 async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
@@ -139,7 +144,10 @@ async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], No
             backlog=BACKLOG,
         )
         announce(f"http://{HOST}:{number}{PATH}")
-        await uvicorn.Server(config).serve(sockets=[taken])
+        server = uvicorn.Server(config)
+        for hang_up in _hang_ups():  # Of which uvicorn knows nothing.
+            signal.signal(hang_up, server.handle_exit)
+        await server.serve(sockets=[taken])
 
 
 def http_app(handlers: Handlers, port: int) -> Starlette:

@@ -169,12 +169,13 @@ def test_a_server_on_streams_that_is_terminated_closes_its_record(fake, tmp_path
 
 
 @signals
-async def test_a_server_on_http_that_is_terminated_closes_its_record(fake, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGHUP", None)], ids=["ended", "hung up"])
+async def test_a_server_on_http_that_is_terminated_closes_its_record(fake, tmp_path, number):
     with subprocess.Popen([*fake, "--http", "--port", "0"], stderr=subprocess.PIPE, text=True) as server:
         address = next(match[0] for line in server.stderr if (match := re.search(r"http://\S+", line)))
         async with Client(address) as client:
             await client.call_tool("turn_in_place", {"yaw_deg": 30})
-            server.terminate()  # While the client is connected.
+            server.send_signal(number)  # While the client is connected.
             await anyio.to_thread.run_sync(server.wait, 60)
     (episode,) = load_run(tmp_path / "out")
     assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)

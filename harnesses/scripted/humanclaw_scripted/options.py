@@ -58,4 +58,7 @@ class FaultyOptions(OracleOptions):
         options = read_options(cls, given)
         if options.fault not in (*FAULTS, "none"):
             raise HumanclawError(f"there is no fault {options.fault!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
+        known = sorted({fault.capability for fault in FAULTS.values()})
+        if options.repair not in ("", *known):
+            raise HumanclawError(f"no fault is of {options.repair!r}.", f"repair is one of: {', '.join(known)}.")
         return options

@@ -198,9 +198,9 @@ def test_a_verifier_that_knows_better_keeps_no_view():
     assert seen() is None
 
 
-@pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"miss": 2}, {"memory": 3}])
+@pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"repair": "abc"}, {"miss": 2}, {"memory": 3}])
 def test_options_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(HumanclawError, match=r"options are|Choose from"):
+    with pytest.raises(HumanclawError, match=r"options are|Choose from|repair is one of"):
         FaultyOptions.of(wrong)
 
 

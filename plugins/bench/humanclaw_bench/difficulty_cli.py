@@ -78,7 +78,7 @@ def histogram(dimension: str, values: Sequence[float]) -> Image.Image:
     width, unit = BARS[dimension]
     # A threshold belongs to the tier below it, so each bar holds its upper edge.
     counts = np.bincount(np.maximum(np.ceil(np.array(values) / width).astype(int) - 1, 0))
-    counts = counts[: int(np.ceil(np.quantile(values, 0.99) / width))]
+    counts = counts[: max(1, int(np.ceil(np.quantile(values, 0.99) / width)))]
     image = Image.new("RGB", (SIDE, SIDE), "white")
     draw, step, base = ImageDraw.Draw(image), (SIDE - 40) / len(counts), SIDE - 40
     for number, count in enumerate(counts):

@@ -268,6 +268,11 @@ def test_a_bar_up_to_a_threshold_has_the_colour_of_the_tier_below_it():
     assert colours == {COLOURS["easy"], COLOURS["medium"], "#ffffff"}
 
 
+def test_rooms_without_obstacles_have_one_bar():
+    bars = histogram("obstacle", [0.0, 0.0]).crop((20, 80, 380, 360))
+    assert COLOURS["easy"] in {"#{:02x}{:02x}{:02x}".format(*colour) for _, colour in bars.getcolors()}
+
+
 def test_the_difficulty_of_a_split_is_printed():
     done = CliRunner().invoke(bench, ["difficulty", "--split", "smoke"])
     assert "overall" in done.output
