@@ -92,9 +92,10 @@ class Company:
             )
         return self._together([partial(part, body) for part, body in zip(parts, self.bodies, strict=True)])
 
-    def join(self) -> None:
-        """Let the bodies be called from threads of your own, each until it leaves. Do so or play(), not both."""
-        self._world.enter()
+    def join(self, *numbers: int) -> None:
+        """Let bodies, by default all, be called from threads of your own, each until it leaves. Who has left may join
+        again. Do so or play(), not both."""
+        self._world.enter(*numbers)
 
     def leave(self, number: int) -> None:
         """Let a body stand from now on."""
@@ -205,10 +206,12 @@ class _World:
         self.said: dict[int, str] = {}
         self._scene: Scene | None = None
 
-    def enter(self) -> None:
-        """Wait from now on for every body."""
+    def enter(self, *numbers: int) -> None:
+        """Wait from now on for these bodies, or for every one."""
         with self._changed:
-            self._playing, self._due = set(range(self._count)), {}
+            for number in numbers or range(self._count):
+                self._playing.add(number)
+                self._due.pop(number, None)
 
     def leave(self, number: int) -> None:
         """Wait no longer for a body."""

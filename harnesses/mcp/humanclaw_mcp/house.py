@@ -18,26 +18,33 @@ class House:
     def __init__(self, plugins: Plugins, settings: Settings) -> None:
         self.plugins, self.settings = plugins, settings
         self._changing = threading.Lock()
-        self._taken, self._left = set[int](), set[int]()
+        self._taken = set[int]()
         self._company: Company | None = None
         self._episodes: tuple[Episode, ...] = ()
 
     def take(self, asked: str) -> int:
         """Return the number of a body that is from now on one session's. asked: that number, or nothing for any.
 
-        Raises HumanclawError if no such body is free. Who has left one has left it standing: its episode is over.
+        Who takes one whose session has ended goes on with its episode. Raises HumanclawError if no such body is free.
         """
         with self._changing:
-            free = [number for number in range(1, self.settings.company + 1) if number not in self._taken]
+            free = self.free
             fitting = [number for number in free if asked in ("", str(number))]
             if not fitting:
                 fault = f"body {asked[:20]!r} of {self.settings.company} is not free" if asked else "no body is free"
                 others = f"Ask for {' or '.join(map(str, free))}, or" if free else "Try again"
                 raise HumanclawError(
-                    f"{fault} in this house.", f"{others} once all its sessions have ended: then it begins anew."
+                    f"{fault} in this house.", f"{others} once its session has ended: then you go on with it."
                 )
             self._taken.add(fitting[0])
+            if self._company:
+                self._company.join(fitting[0] - 1)
             return fitting[0]
+
+    @property
+    def free(self) -> list[int]:
+        """The bodies that no session has."""
+        return [number for number in range(1, self.settings.company + 1) if number not in self._taken]
 
     def episode(self, number: int) -> Episode:
         """Return the episode of a body. The first who asks begins those of all."""
@@ -52,16 +59,16 @@ class House:
             self._company.leave(number - 1)
 
     def leave(self, number: int) -> None:
-        """Let a body stand from now on; after the last one end the house, and the episodes of those who never came."""
+        """Let a body stand until another session takes it; after the last one end the house and all its episodes."""
         with self._changing:
             self.stand(number)
-            self._left.add(number)
-            if self._left < self._taken:
+            self._taken.discard(number)
+            if self._taken:
                 return
             for episode in self._episodes:
                 episode.close()
             self._close()
-            self._episodes, self._taken, self._left = (), set(), set()
+            self._episodes = ()
 
     def _close(self) -> None:
         if self._company:
@@ -112,9 +119,17 @@ class SeatedSession(Session):
         self._episode = self._house.episode(self._number)
         return self._episode
 
+    def _end(self) -> None:
+        """Leave the episode open: another session may go on with it."""
+        self._episode = None
+
     def _put_away(self) -> None:
         self._house.leave(self._number)
 
     def _snapshot(self, episode: Episode, feedback: str = "", refused: bool = False) -> Snapshot:
         """Return the state now: others may have gone on since the last call."""
+        if len(episode.steps) < 2 and (free := self._house.free):
+            missing = " and ".join(map(str, free))
+            told = f"Nobody has body {missing} yet: the first move waits {self._settings.patience:g} s for it."
+            feedback = f"{feedback} {told}".strip()
         return replace(super()._snapshot(episode, feedback, refused), rgb=episode.body.view().rgb)

@@ -56,8 +56,31 @@ async def test_the_second_who_asks_for_a_body_is_told_what_is_free(house):
         assert not (await later.call_tool("look", {})).is_error
 
 
+async def test_who_comes_back_goes_on_with_the_body_that_was_left(house, tmp_path):
+    async with Client(f"{house}?body=1") as one:
+        async with Client(f"{house}?body=2") as two, anyio.create_task_group() as both:
+            both.start_soon(one.call_tool, *TURN)
+            both.start_soon(two.call_tool, *WALK)
+        assert not (await one.call_tool(*TURN)).is_error
+        async with Client(f"{house}?body=2") as back:
+            assert "Step 1 of" in words(await back.call_tool("look", {}))
+            async with anyio.create_task_group() as both:
+                both.start_soon(one.call_tool, *TURN)
+                both.start_soon(back.call_tool, *WALK)
+    assert [len(record.steps) for record in load_run(tmp_path / "out")] == [3, 2]
+
+
+async def test_who_is_alone_in_the_house_is_told_whom_it_waits_for(house):
+    async with Client(f"{house}?body=2") as alone:
+        for call in (("look", {}), TURN):
+            told = "Nobody has body 1 yet: the first move waits 4 s for it."
+            assert told in words(await alone.call_tool(*call))
+        assert told not in words(await alone.call_tool(*TURN))
+
+
 async def test_a_body_whose_client_has_gone_stands_while_the_other_goes_on(house):
     async with Client(house) as one:
+        await one.call_tool("look", {})
         async with Client(house) as other:
             await other.call_tool("look", {})
         began = time.monotonic()
