@@ -200,7 +200,26 @@ def test_a_root_in_another_unit_than_the_bones_is_refused(source, unit, slides, 
         retarget(travelling(source, unit))
 
 
-@pytest.mark.parametrize("unit", [0.6, 1.2])
+def test_a_walk_between_long_stands_tells_the_unit_too(source):
+    """The walk twice, with as many frames of standing before and after them."""
+    count = len(source)
+    frames = np.concatenate([np.zeros(count, int), *[np.arange(count)] * 2, np.full(count, count - 1)])
+    travel = (source.positions[-1, 0] - source.positions[0, 0]) * [1, 0, 1]
+    positions = source.positions[frames] + (np.arange(4 * count) >= 2 * count)[:, None, None] * travel
+    longer = replace(source, positions=positions, rotations=source.rotations[frames])
+    assert len(retarget(longer)) == len(frames)
+    with pytest.raises(MocapError, match=r"slide by 9.%.*another unit"):
+        retarget(travelling(longer, 0.1))
+
+
+@pytest.mark.parametrize("name", ["dance_b", "backflip", "roll", "crawl"])
+def test_feet_that_slide_where_nobody_walks_tell_no_unit(humanoid3d, name):
+    """The feet of a dance to and fro slide by 57 % of its steps."""
+    path = humanoid3d.with_name(f"humanoid3d_{name}.txt")
+    assert len(retarget(load(path))) > 30
+
+
+@pytest.mark.parametrize("unit", [0.7, 1.2])
 def test_feet_may_slide_as_much_as_captured_ones_do(source, unit):
     assert len(retarget(travelling(source, unit))) == len(source)
 
