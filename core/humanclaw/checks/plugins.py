@@ -317,7 +317,7 @@ def _frames(motion: object, count: int, before: Motion, what: str) -> None:
 
 def _expect(value: object, kind: type[T], what: str) -> T:
     _hold(isinstance(value, kind), f"{what} is {str(value)[:80]} and no {kind.__name__}")
-    return value  # type: ignore[return-value]
+    return value  # type: ignore[return-value]  # _hold raises for any other kind.
 
 
 def _hold(true: object, else_: str) -> None:

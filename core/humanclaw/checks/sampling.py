@@ -89,6 +89,7 @@ def _number(part: Mapping[str, Any], share: float) -> float:
     last = high - inset if "exclusiveMaximum" in part else high
     if step := part.get("multipleOf", 1 if whole else 0):
         least, most = math.ceil(first / step), math.floor(last / step)
+        # JSON holds the step: a number.
         return (least + _index(share, most - least + 1)) * step  # type: ignore[no-any-return]
     return float(first + share * (last - first))
 

@@ -202,6 +202,7 @@ def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path,
         # Imported here: it takes a second, and the user sees the status by then.
         from humanclaw.cli.run import play
 
+        # click checked the options.
         play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]
 
 

@@ -203,6 +203,7 @@ def decider_options(function: F) -> F:
         backends = Backends(simulator, renderer, generator, profile, tuple(sensors), prior, gaze, motion_history)
         return function(*args, deciders=deciders, backends=backends, **rest)
 
+    # An option keeps the command's type, which reduce forgets.
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
 
 
@@ -285,6 +286,7 @@ def plugin_options(function: F) -> F:
         return function(*args, choice=Choice(tuple(without), named), **rest)
 
     wrapped = functools.reduce(lambda inner, option: option(inner), reversed(_CHOICES), command)
+    # An option keeps the command's type, which reduce forgets.
     return plugin_files(wrapped)  # type: ignore[return-value]
 
 

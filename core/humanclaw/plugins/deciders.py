@@ -97,6 +97,7 @@ def _reader(kind: Any) -> TypeAdapter[Any]:
 
 def _typed(value: object, kind: type[T], whose: str) -> T:
     try:
+        # mypy takes a class for unhashable.
         read: T = _reader(kind).validate_python(value, strict=True)  # type: ignore[arg-type]
     except ValidationError as error:
         came = error.errors(include_url=False)[0]["input"]

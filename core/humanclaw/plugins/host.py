@@ -406,7 +406,7 @@ class Plugins:
 
     def skill(self, name: str) -> Skill:
         """Return the skill of a name, or of owner:name. Raises PluginError with the nearest names if there is none."""
-        return self._find("skills", name).value  # type: ignore[no-any-return]
+        return self._find("skills", name).value  # type: ignore[no-any-return]  # Items of the kind skills hold a Skill.
 
     @property
     def disabled(self) -> dict[str, str]:

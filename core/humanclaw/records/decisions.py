@@ -135,6 +135,7 @@ def recordable(value: T, kind: type[T]) -> T:
 
     Control characters are replaced; texts and nesting are cut at a limit. Values that a schema refuses stay refusable.
     """
+    # T is Decision or Verdict, both dataclasses.
     values = {part.name: getattr(value, part.name) for part in fields(kind)}  # type: ignore[arg-type]
     listed = {name: tuple(part) if isinstance(part, list) else part for name, part in values.items()}
     return kind(**{name: _bounded(part) for name, part in listed.items()})

@@ -61,6 +61,7 @@ def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
     # Imported here: it loads scipy.signal and scipy.stats, which takes a second.
     from skimage.measure import approximate_polygon
 
+    # scikit-image has no types.
     simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)
     bearing = np.arctan2(segments[:, 0], segments[:, 1])

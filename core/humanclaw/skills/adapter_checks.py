@@ -35,6 +35,7 @@ class Subject:
 
     @cached_property
     def properties(self) -> Mapping[str, Any]:
+        # A checked schema maps its properties.
         return self.skill.schema.get("properties", {})  # type: ignore[no-any-return]
 
     @property

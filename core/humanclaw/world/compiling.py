@@ -27,14 +27,14 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     # The cached file has this name. numba looks at the time of the function's own file alone.
     function.__qualname__ += f"_{_taken_in(function.__module__)[:12]}"
     try:
-        return njit(cache=True, nogil=True, **_HOW)(function)  # type: ignore[no-any-return]
+        return njit(cache=True, nogil=True, **_HOW)(function)  # type: ignore[no-any-return]  # numba has no types.
     except RuntimeError:
-        return njit(nogil=True, **_HOW)(function)  # type: ignore[no-any-return]
+        return njit(nogil=True, **_HOW)(function)  # type: ignore[no-any-return]  # numba has no types.
 
 
 def internal(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function that compiled functions alone call: a way in from Python would take as long as its loops."""
-    return njit(**_INSIDE)(function)  # type: ignore[no-any-return]
+    return njit(**_INSIDE)(function)  # type: ignore[no-any-return]  # numba has no types.
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -42,7 +42,7 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
     LLVM inlines it: numba's own inlining analyses the caller again for each call, which takes longer to compile.
     """
-    return njit(**_INSIDE, forceinline=True)(function)  # type: ignore[no-any-return]
+    return njit(**_INSIDE, forceinline=True)(function)  # type: ignore[no-any-return]  # numba has no types.
 
 
 @cache

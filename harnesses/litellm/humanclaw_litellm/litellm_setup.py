@@ -47,8 +47,9 @@ def _restrain_clients() -> None:
     from litellm.llms.openai.common_utils import BaseOpenAILLM
     from litellm.llms.openai.openai import OpenAIChatCompletion
 
+    # litellm has no option for it.
     HTTPHandler.create_client = _restrained(HTTPHandler.create_client)  # type: ignore[method-assign]
-    BaseOpenAILLM._get_sync_http_client = staticmethod(  # type: ignore[method-assign]
+    BaseOpenAILLM._get_sync_http_client = staticmethod(  # type: ignore[method-assign]  # litellm has no option for it.
         _restrained(BaseOpenAILLM._get_sync_http_client)
     )
     make_client = OpenAIChatCompletion._get_openai_client
@@ -56,6 +57,7 @@ def _restrain_clients() -> None:
     def make_without_retries(*args: Any, **options: Any) -> Any:
         return make_client(*args, **{**options, "max_retries": 0})
 
+    # litellm has no option for it.
     OpenAIChatCompletion._get_openai_client = make_without_retries  # type: ignore[method-assign]
 
 

@@ -84,6 +84,7 @@ def price_of(settings: Settings) -> tuple[float, float] | None:
     None for a model that is on neither.
     """
     if _are_given(settings):
+        # _PRICES are two.
         return tuple(float(settings.params.get(word, 0.0)) for word in _PRICES)  # type: ignore[return-value]
     listed, model = load().model_cost, _listed(settings)  # litellm's own look-up would ask an Ollama server for prices.
     prices = listed.get(model) or listed.get(model.partition("/")[2]) or {}

@@ -158,6 +158,7 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
     )
     settings = handlers.bodies.settings
     # The SDK demands an issuer, which only clients without a token would ask.
+    # pydantic reads a URL from text.
     auth = AuthSettings(issuer_url=f"http://{names[0]}", resource_server_url=None) if settings.token else None  # type: ignore[arg-type]
     return make_server(handlers).streamable_http_app(
         streamable_http_path=PATH,

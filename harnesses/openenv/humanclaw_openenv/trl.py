@@ -88,5 +88,6 @@ def _method(spec: Json) -> Callable[..., Any]:
     call.__name__ = call.__qualname__ = spec["name"]
     call.__doc__ = "\n".join([spec["description"], "", "Args:", *described])
     call.__annotations__ = {**kinds, "return": str}
+    # inspect reads it; typeshed has no such attribute.
     call.__signature__ = inspect.Signature([own, *named], return_annotation=str)  # type: ignore[attr-defined]
     return call

@@ -115,7 +115,7 @@ def train(data: Data, out: Path, steps: int, seed: int, report: Callable[[str], 
     """
     torch.manual_seed(seed)
     model = TorchLayers()
-    model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # Its stubs lack this overload.
     optimizer = torch.optim.AdamW(model.parameters(), RATE, weight_decay=0.02)
     call = [steps, seed, crc32(data[1].tobytes())]
     done = _resumed(model, optimizer, out, call)
@@ -125,7 +125,7 @@ def train(data: Data, out: Path, steps: int, seed: int, report: Callable[[str], 
         optimizer.param_groups[0]["lr"] = RATE * min(1, (step + 1) / 80) * (1 + math.cos(math.pi * step / steps)) / 2
         loss = _loss(model, *_drawn(data, np.random.default_rng([seed, step])))
         optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped.
         optimizer.step()
         if (step + 1) % every == 0 or step + 1 == steps:
             save_file({name: part.contiguous() for name, part in model.folded().items()}, out)

@@ -101,4 +101,4 @@ def _draw(part: Mapping[str, Any], rng: np.random.Generator) -> Any:
 
 
 def _properties(skill: Skill) -> Mapping[str, Mapping[str, Any]]:
-    return skill.schema.get("properties", {})  # type: ignore[no-any-return]
+    return skill.schema.get("properties", {})  # type: ignore[no-any-return]  # A checked schema maps its properties.

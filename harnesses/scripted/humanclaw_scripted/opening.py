@@ -76,7 +76,7 @@ class HandyOracle(PickAndPlaceOracle):
                             clash = handle.inside(place)
                             gap = abs(far - 0.62) + abs(more) + clash
                             places.append((Viewpoint(handle.obj.id, x, z, yaw, gap, floor=grid.floor), side))
-        return places  # type: ignore[return-value]
+        return places  # type: ignore[return-value]  # Both sides are literals.
 
     def _pull(self, handle: Handle, side: Side, share: float) -> Script:
         """Take a handle, and pull it until the thing is open."""

@@ -85,7 +85,7 @@ def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:
         return []
     x, z = _lines(loop, 0), _lines(loop, 1)
     middle = np.stack(np.meshgrid((x[1:] + x[:-1]) / 2, (z[1:] + z[:-1]) / 2, indexing="ij"), axis=-1)
-    inside = points_in_poly(middle.reshape(-1, 2), loop)  # type: ignore[no-untyped-call]
+    inside = points_in_poly(middle.reshape(-1, 2), loop)  # type: ignore[no-untyped-call]  # scikit-image has no types.
     return [
         (float(x[a]), float(z[c]), float(x[b]), float(z[d]))
         for a, b, c, d in _blocks(inside.reshape(middle.shape[:-1]))

@@ -179,7 +179,7 @@ def arrange_rows(
         for row, share in zip(rows, shares, strict=True)
     )
     fair = all(width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for row in scaled for kind, width in row if kind != "stairs")
-    return scaled if fair else None  # type: ignore[return-value]
+    return scaled if fair else None  # type: ignore[return-value]  # As many rows as came.
 
 
 def _grouped(kinds: list[str], rng: np.random.Generator) -> list[str]:

@@ -267,16 +267,15 @@ class RoomOccupancy:
                 self._solid.append(block.rect)
 
     def try_put(
-        self, spots: Iterable[Placed], *, front: float = 0.0, keep: bool = True, target: bool = False, gap: float = 0.01
+        self, spots: Iterable[Placed], *, front: float = 0.0, target: bool = False, gap: float = 0.01
     ) -> Placed | None:
         """Place a piece at the first spot that fits and leaves the room walkable; None if there is none.
 
-        front: metres of free floor in front. keep: whether that floor stays free. target: whether a body must be able
-        to reach the piece.
+        front: metres of floor in front that stays free. target: whether a body must be able to reach the piece.
         """
         for obj in spots:
             if self.fits(obj, front, gap):
-                kept = [self.ahead(obj, front)] if front and keep else []
+                kept = [self.ahead(obj, front)] if front else []
                 if self.put(obj, keep=kept, want=[at_hand(obj)] if target else []):
                     return obj
         return None

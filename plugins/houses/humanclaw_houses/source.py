@@ -130,6 +130,7 @@ def _object(number: int, obj: Placed) -> SceneObject:
     piece = obj.piece
     position = tuple(round(float(v), 4) for v in (obj.x, obj.y, obj.z))
     return SceneObject(
+        # position has three numbers.
         number, piece.asset.name, piece.asset.category, position, _quaternion(obj.yaw),  # type: ignore[arg-type]
         piece.mass > 0, piece.mass, piece.friction, obj.room, obj.joint, obj.state,
     )  # fmt: skip

@@ -127,7 +127,7 @@ def _triangle(
     qx, qy, qz = move_point(turn, shift, model.corners[face, 1])
     rx, ry, rz = move_point(turn, shift, model.corners[face, 2])
     if pz >= NEAR and qz >= NEAR and rz >= NEAR:
-        return _fill(  # type: ignore[no-any-return]
+        return _fill(  # type: ignore[no-any-return]  # Numba's float is NumPy's.
             x + focal * px / pz, y + focal * py / pz, 1 / pz, x + focal * qx / qz, y + focal * qy / qz, 1 / qz,
             x + focal * rx / rz, y + focal * ry / rz, 1 / rz, most, number, inverse_depth, surface,
         )  # fmt: skip

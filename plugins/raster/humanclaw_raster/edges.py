@@ -94,7 +94,7 @@ def _reach(
     Where a face ends, another face of the same object may go on that covers no pixel's middle on this line.
     """
     if surface[row, column] < 0:
-        return TWO  # type: ignore[return-value]
+        return TWO  # type: ignore[return-value]  # Numba's float is NumPy's.
     _, reach = _inside(scale, depth, surface, table, row, column, row, column, row2, column2)
     (height, width), down, aside = surface.shape, column2 - column, row2 - row
     owner, number = faces[surface[row, column], 1], surface[row, column]
@@ -105,7 +105,7 @@ def _reach(
             enter, leave = _inside(scale, depth, surface, table, r, c, row, column, row2, column2)
             if enter < reach + np.float32(0.02) and leave > reach:
                 reach = leave
-    return reach  # type: ignore[no-any-return]
+    return reach  # type: ignore[no-any-return]  # Numba's float is NumPy's.
 
 
 @inlined
@@ -133,4 +133,4 @@ def _inside(
             leave = min(leave, here / (here - there)) if here > ZERO else min(leave, ZERO)
         elif here < ZERO:
             enter = max(enter, here / (here - there))
-    return enter, leave  # type: ignore[return-value]
+    return enter, leave  # type: ignore[return-value]  # Numba's float is NumPy's.

@@ -239,4 +239,4 @@ def facing(bright: Floats, first: np.uint64, nx: np.float32, ny: np.float32, nz:
     a, b, c = np.uint64(nx < ZERO), np.uint64(2 + (ny < ZERO)), np.uint64(4 + (nz < ZERO))
     wx, wy, wz = nx * nx, ny * ny, nz * nz
     total = wx * bright[first + a] + wy * bright[first + b] + wz * bright[first + c]
-    return total / (wx + wy + wz + TINY)  # type: ignore[no-any-return]
+    return total / (wx + wy + wz + TINY)  # type: ignore[no-any-return]  # Numba's float is NumPy's.

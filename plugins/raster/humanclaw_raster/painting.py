@@ -245,4 +245,4 @@ def _light_near(light: Floats, gbuffer: GBuffer, mean: float, here: float, own: 
             near *= ONE if number == own else others
             total += near * light[r, c]
             weight += near
-    return total / weight  # type: ignore[return-value]
+    return total / weight  # type: ignore[return-value]  # Numba's float is NumPy's.

@@ -81,7 +81,7 @@ def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap,
     light = _occlusion(half, np.float32(pinhole.focal / 2), swing)
     _set_off(half, AROUND * pinhole.focal / 2, light)
     _shadow(half, pinhole, overhead, lamps, swing, light)
-    return _smoothed(light, half)  # type: ignore[no-any-return]
+    return _smoothed(light, half)  # type: ignore[no-any-return]  # Numba's float is NumPy's.
 
 
 @compiled
@@ -334,6 +334,7 @@ def _height(heights: Floats, storey: int, x: np.float32, z: np.float32) -> np.fl
     """Return the height at a place; beyond the map that of the outermost cell, which is empty."""
     i = int(min(max(float(z), 0.0), heights.shape[1] - 1.0))
     j = int(min(max(float(x), 0.0), heights.shape[2] - 1.0))
+    # Numba's float is NumPy's.
     return heights[np.uint64(storey), np.uint64(i), np.uint64(j)]  # type: ignore[no-any-return]
 
 

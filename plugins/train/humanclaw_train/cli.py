@@ -78,6 +78,7 @@ def _weights(function: F) -> F:
         paths = functools.partial(rollouts.wanted, known, [name.strip() for name in skills.split(",") if name.strip()])
         return function(generator=generator, paths=paths, plugins=plugins, **more)
 
+    # An option keeps the command's type, which reduce forgets.
     return functools.reduce(lambda inner, option: option(inner), reversed(_WEIGHTS), command)  # type: ignore[return-value]
 
 

@@ -470,7 +470,7 @@ class Run:
             group["lr"] = self.recipe.rate * _schedule(self.step, self.progress)
         loss: Tensor = objective(*map(self.session.processes.share, self.batch()))
         self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped.
         norm = float(nn.utils.clip_grad_norm_(self.parameters, 1.0))
         if not math.isfinite(norm):
             raise self._diverged(f"a loss of {loss.item():g} and a gradient of norm {norm:g}")

@@ -53,6 +53,7 @@ def _placed(place: Array, q: Array, v: Array, out: Array) -> None:
 
 @inlined
 def _length(v: Array) -> float:
+    # An element of an array has no type.
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])  # type: ignore[no-any-return]
 
 
@@ -121,6 +122,7 @@ def link_speed(speeds: Array, way: Array, leaf: float) -> float:
     late = speeds - way * FPS
     # The root's speed and way are not in the same frame.
     late[0, 0], late[0, 1:] = abs(_length(speeds[0]) - _length(way[0]) * FPS), 0.0
+    # An element of an array has no type.
     return min(_reached(speeds), leaf + _reached(late))  # type: ignore[no-any-return]
 
 

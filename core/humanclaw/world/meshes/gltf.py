@@ -293,7 +293,7 @@ class _File:
                 if not importlib.util.find_spec("alktx2"):
                     self.lost["KTX2 pictures (`pip install alktx2` reads them)"] += 1
                     return None
-                import alktx2  # type: ignore[import-not-found,unused-ignore]
+                import alktx2  # type: ignore[import-not-found,unused-ignore]  # Optional.
 
                 data, _ = alktx2.decode_ktx2_to_bytes(data, format="png")
             return pixels(Image.open(BytesIO(data)), tint)
@@ -327,7 +327,7 @@ class _Piece:
             return {}
         if not importlib.util.find_spec("DracoPy"):
             raise SceneError(f"it is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
-        import DracoPy  # type: ignore[import-not-found,unused-ignore]
+        import DracoPy  # type: ignore[import-not-found,unused-ignore]  # Optional.
 
         mesh, names = DracoPy.decode(self.file.view(packed["bufferView"])), packed["attributes"]
         arrays = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}

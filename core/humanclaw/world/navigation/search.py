@@ -218,6 +218,7 @@ class DistanceField:
     def _cells(self, end: Array) -> list[tuple[int, ...]]:
         """Return the layers and cells on the way from the nearest place to (3,) end."""
         cell = self.where.grids[0].cell(end[[0, 2]])
+        # scikit-image has no types.
         return self._search.traceback((2 * int(self.where.level(end)), *map(int, cell)))  # type: ignore[no-any-return]
 
     def _segments(self, points: Array, levels: NDArray[np.int64]) -> Iterator[Segment]:

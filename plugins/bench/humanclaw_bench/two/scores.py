@@ -171,6 +171,7 @@ def _holding(stage: Stage) -> Iterator[Rule[Together]]:
     """Yield the root causes of tasks for hands that end at a stage."""
     for cause in OF_HANDS:
         if cause.stage == stage:
+            # mypy infers no lambda with a default.
             yield Rule(stage, cause.name, cause.capability, lambda f, rule=cause.rule: rule(f.hands))  # type: ignore[misc]
 
 
