@@ -80,7 +80,10 @@ class RecordedEpisode:
 
         Whoever's record is not beside this one, or holds no motion, is left out.
         """
-        others = {person_id(k): self.folder.parent / name for k, name in enumerate(self.record.company)}
+        names, own = self.record.company, self.record.spec.id
+        # A partner's record lies inside its episode's, and all names lead from where that lies.
+        inside = max((name.count("/") for name in names if name.rpartition("/")[2] == own), default=0)
+        others = {person_id(k): self.folder.parents[inside] / name for k, name in enumerate(names)}
         found = {k: path for k, path in others.items() if path != self.folder and Folder(path).has("motion.npz")}
         return {k: RecordedEpisode(path) for k, path in found.items()}
 

@@ -33,7 +33,7 @@ from humanclaw.records import MOTION_BYTES, Outcome, Refusal, Usage, close_recor
 from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
 from humanclaw_bench.isolation.deciders import IsolatedDeciders
-from humanclaw_bench.two.partners import PARTNER, Ending, accompany
+from humanclaw_bench.two.partners import PARTNER, Ending, accompany, company_of
 
 FAILED: Final = "infra_error"
 ROLES: Final = {"agents": "agent", "verifiers": "verifier"}
@@ -175,8 +175,9 @@ class Worker:
 
         def play(body: Body) -> None:
             with ending:
-                self._episode = self._begun(spec, folder, (), body, company=(spec.id, f"{spec.id}/{PARTNER}"))
+                self._episode = self._begun(spec, folder, (), body, company=company_of(spec))
                 self._finish(self._episode, lambda: ending.alone)
+                ending.whole = self._episode.outcome in ("stopped", "out_of_steps")
                 ending.frames = sum(step.motion_frames for step in self._episode.steps)
 
         scene: Scene = self._plugins.scene(spec.scene)

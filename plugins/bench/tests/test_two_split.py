@@ -251,6 +251,8 @@ def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, tas
     (episode,) = load_run(run)  # The partner's record is not an episode of the run.
     partner = RecordedEpisode(episode.folder / "partner")
     assert verdict(Together.of(episode)) == "success"
+    assert (partner.record.outcome, partner.record.company) == ("stopped", episode.record.company)
+    assert [other.record.spec.id for other in partner.company().values()] == [episode.record.spec.id]
     assert len(partner.motion()) == len(episode.motion()) + FPS // 2
     assert replay(episode, files).same()
     shown = CliRunner().invoke(bench, ["table", str(run), "--format", "markdown"], catch_exceptions=False).output

@@ -56,6 +56,8 @@ class Ending:
     """Tells the partner when the episode is over, and after how many frames of motion."""
 
     frames: int = 0
+    whole: bool = False
+    """Whether the episode came to its own end."""
     alone: bool = False
     """Whether the partner has left: whatever is played then is in vain."""
     _over: Event = field(default_factory=Event)
@@ -177,6 +179,12 @@ def _speaking(skills: Iterable[Skill]) -> Skill | None:
     return next(spoken, None)
 
 
+def _stop(skills: Iterable[Skill]) -> Call | None:
+    """Return the call that ends an episode; None if no skill does without an answer."""
+    stops = (skill for skill in skills if skill.role == "stop" and not skill.schema.get("required"))
+    return next((Call(skill.name) for skill in stops), None)
+
+
 def require_skills(specs: Iterable[EpisodeSpec], plugins: Plugins) -> None:
     """Raise PluginError, before anything is played, if the two of an episode cannot give and take."""
     if not any(spec.partner is not None and spec.partner.task == "give" for spec in specs):
@@ -202,15 +210,22 @@ def part_of(spec: EpisodeSpec) -> EpisodeSpec:
     )  # fmt: skip
 
 
+def company_of(spec: EpisodeSpec) -> tuple[str, str]:
+    """Return the names of the two records of an episode with a partner, from where they lie."""
+    return spec.id, f"{spec.id}/{PARTNER}"
+
+
 def accompany(spec: EpisodeSpec, folder: Folder, ending: Ending, body: Body) -> None:
     """Play the partner of an episode in a body until the ending is met."""
     assert spec.partner is not None
-    part = part_of(spec)
+    part, company = part_of(spec), company_of(spec)
     agent = Asker() if spec.partner.task == "give" else Walker(spec.partner.way)
     try:
-        with Episode(body, part, agent, folder=folder) as episode:
+        with Episode(body, part, agent, folder=folder, company=company) as episode:
             while not (episode.done or ending.met(episode)):
                 episode.ask()
+            if ending.whole and not episode.done and (stop := _stop(body.skills.values())):
+                episode.submit(Decision((stop,)))  # Its part is played, too.
         if episode.fault:  # What a broken partner lets fail is no failure of the agent's.
             raise episode.fault
     finally:
