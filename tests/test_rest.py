@@ -184,9 +184,13 @@ def test_a_flat_piece_collides_as_a_thin_one(points: int, movable: bool, simulat
     assert points < 3 or found[cup][1] == pytest.approx(0.3, abs=0.01)
 
 
-def test_a_piece_of_no_points_is_refused() -> None:
-    with pytest.raises(SceneError, match="collision piece of asset 'table 1' has no points"):
-        SceneBuilder.on_floor().solid("table", [block((0, 0, 0), (1, 1, 1)), np.zeros((0, 3), np.float32)], (0, 0, 2.0))
+@pytest.mark.parametrize(("piece", "said"), [
+    (np.zeros((0, 3), np.float32), "has no points"),
+    (np.full((4, 3), np.nan, np.float32), "points that are no numbers"),
+])  # fmt: skip
+def test_a_piece_without_a_shape_is_refused(piece, said) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(SceneError, match=f"collision piece of asset 'table 1' .*{said}"):
+        SceneBuilder.on_floor().solid("table", [block((0, 0, 0), (1, 1, 1)), piece], (0, 0, 2.0))
 
 
 def test_a_light_thing_bears_a_heavy_one(simulator: Simulator) -> None:

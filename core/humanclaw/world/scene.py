@@ -70,6 +70,10 @@ class Asset:
     def __post_init__(self) -> None:
         if not all(len(hull) for hull in self.hulls):
             raise SceneError(f"a collision piece of asset {self.name!r} has no points.", "Leave that piece out.")
+        if not all(np.isfinite(hull).all() for hull in self.hulls):
+            raise SceneError(
+                f"a collision piece of asset {self.name!r} has points that are no numbers.", "Export it again."
+            )
         if self.seat_height is None:
             return
         if not self.hulls:

@@ -23,12 +23,13 @@ from PIL import Image
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB
-from humanclaw.world.meshes.parts import CLEAR, MOST, PLAIN, SHINING, Part, mean_of, pixels
+from humanclaw.world.meshes.parts import CLAMPED, CLEAR, MOST, PLAIN, SHINING, Part, goes_beyond, mean_of, pixels
 
 _GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_REPEAT: Final = 10497
 """Magic numbers of GLB and its chunks, types, widths and modes of triangles: all from the specification of glTF 2.0."""
 _PIECES: Final = 20_000
 """Maximum pieces of a model, copies included: each takes a tenth of a millisecond and more."""
@@ -373,8 +374,17 @@ class _Piece:
         red, green, blue = np.round(255 * (np.round(255 * light) / 255) ** (1 / 2.2)).astype(int).tolist()
         self._count_unseen(material, factor)
         colour = (red, green, blue) if "material" in self.facts or "COLOR_0" in self else PLAIN
-        picture = None if texture is None else self.file.picture(texture["index"], colour)
-        return colour, picture, None if texture is None else self._uv(texture)
+        if texture is None:
+            return colour, None, None
+        picture, uv = self.file.picture(texture["index"], colour), self._uv(texture)
+        if uv is not None and goes_beyond(uv) and not self._repeats(texture):
+            self.file.lost[CLAMPED] += 1
+        return colour, picture, uv
+
+    def _repeats(self, texture: Any) -> bool:
+        sampler = self.file.named("textures", texture["index"]).get("sampler")
+        told = {} if sampler is None else self.file.named("samplers", sampler)
+        return all(told.get(key, _REPEAT) == _REPEAT for key in ("wrapS", "wrapT"))
 
     def _count_unseen(self, material: Any, factor: Any) -> None:
         """Count what a part cannot say of a material."""

@@ -13,10 +13,12 @@ import numpy as np
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.world.meshes.parts import (
+    CLAMPED,
     CLEAR,
     PLAIN,
     SHINING,
     Part,
+    goes_beyond,
     mean_colour,
     numbers,
     picture_of,
@@ -88,6 +90,8 @@ class _Material:
     colour: tuple[int, int, int] | None = None
     picture: str = ""
     options: dict[str, list[float]] = field(default_factory=dict)
+    clamped: bool = False
+    """Whether its picture ends at its edges."""
     lost: set[str] = field(default_factory=set)
     """What is left out of each piece of it."""
 
@@ -113,6 +117,7 @@ class _Material:
     def take_picture(self, words: str) -> None:
         """Take the name of its picture, behind its options."""
         while option := _OPTION.match(words):
+            self.clamped |= re.fullmatch(r"-clamp\s+on\s+", option[0]) is not None
             self.options[option[1]] = [float(number) for number in (option[2] or "").split()]
             words = words[option.end() :]
         self.picture = words
@@ -212,6 +217,8 @@ class _File:
         if material.picture and not bare and np.isfinite(self._uvs[places[first]]).all():
             picture = picture_of(material.picture, self._beside, self._lost)
             uv = material.placed(self._uvs[places[first]])
+            if material.clamped and goes_beyond(uv):
+                self._lost[CLAMPED] += 1
         elif material.picture:
             self._lost["pieces without places in their picture"] += 1
         return Part(rows[:, :3], cut(rows[:, :3], loops, self._lost), uv, colour or PLAIN, picture)

@@ -23,6 +23,7 @@ PLAIN: Final = (102, 102, 102)
 """sRGB colour of what has none."""
 CLEAR: Final = "see-through pieces (drawn solid)"
 SHINING: Final = "pieces that shine (drawn without their light)"
+CLAMPED: Final = "pictures that end at their edges (drawn repeated)"
 """What a part cannot say of a material."""
 _LARGEST_PICTURE: Final = 8192 * 8192
 """Maximum pixels of a picture."""
@@ -55,6 +56,11 @@ def pixels(image: Image.Image, tint: tuple[int, int, int]) -> NDArray[np.uint8]:
     mean = (rgba[..., :3] * opaque).sum(axis=(0, 1)) / max(float(opaque.sum()), 1e-6)
     filled = rgba[..., :3] * opaque + mean * (1 - opaque)
     return np.asarray(np.clip(np.round(filled * np.array(tint) / 255), 0, 255), np.uint8)
+
+
+def goes_beyond(uv: Array) -> bool:
+    """Tell whether (N, 2) uv lie outside of their picture, by more than a rounding."""
+    return bool((np.abs(uv - 0.5) > 0.51).any())
 
 
 def picture_of(name: str, beside: Callable[[str], bytes], lost: Counter[str]) -> NDArray[np.uint8] | None:
