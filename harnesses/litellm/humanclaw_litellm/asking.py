@@ -109,5 +109,21 @@ class ModeNegotiator:
         learned.modes = [other for other in learned.modes if other != mode]
 
 
+class Asker:
+    """The part of an agent and of a verifier that asks a model."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._negotiator = ModeNegotiator(settings)
+
+    @property
+    def settings(self) -> Json:
+        return self._negotiator.client.in_force
+
+    def ready(self, instruction: str) -> None:
+        """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
+        self._negotiator.client.begin(None)
+
+
 def _digest(messages: list[Json], request: Json) -> str:
     return hashlib.sha256(json.dumps([messages, request], sort_keys=True, default=str).encode()).hexdigest()

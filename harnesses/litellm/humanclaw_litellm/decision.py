@@ -22,7 +22,7 @@ from humanclaw import (
     system_prompt,
 )
 from humanclaw.skills import Json, Reasoning, answer_schema, read_call, read_text
-from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator, Reply
+from humanclaw_litellm.asking import AnswerFormat, Asker, Reply
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.failures import TooLongError
 from humanclaw_litellm.settings import PAPERS_SKILLS, Mode, ModelError, Settings
@@ -35,7 +35,7 @@ class _Episode:
     form: AnswerFormat
 
 
-class ModelAgent:
+class ModelAgent(Asker):
     """Asks a model for one call per step.
 
     An answer without a call is still a Decision; the loop explains the fault to the model.
@@ -44,21 +44,12 @@ class ModelAgent:
     privileged = False
 
     def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
         self.name = settings.model
-        self._settings = settings
-        self._negotiator = ModeNegotiator(settings)
         self._episode: _Episode | None = None
         self._note = ""
         self._room = sys.maxsize
         """The most past steps that fit into the model's context, as far as this episode has shown."""
-
-    @property
-    def settings(self) -> Json:
-        return self._negotiator.client.in_force
-
-    def ready(self, instruction: str) -> None:
-        """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
-        self._negotiator.client.begin(None)
 
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""

@@ -22,7 +22,7 @@ from humanclaw import (
 )
 from humanclaw.records import Answer, Usage
 from humanclaw.skills import Json, call_schema, plain_name, read_answer, read_objects, read_text
-from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator
+from humanclaw_litellm.asking import AnswerFormat, Asker
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
 from humanclaw_litellm.failures import TooLongError
@@ -33,7 +33,7 @@ _WORD: Final = re.compile(r"[\W_]*(?:(yes|true)|no|false)(?![^\W_])", re.IGNOREC
 """The first word of an answer to a check, in whatever marks it stands."""
 
 
-class ModelVerifier:
+class ModelVerifier(Asker):
     """Asks a model the checklist of a skill. The model sees the current view and no history.
 
     The verifier fails open: without a verdict the call passes, and `failed_open` says why. A skill without checks
@@ -41,18 +41,9 @@ class ModelVerifier:
     """
 
     def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
         self.name = f"litellm:{settings.model}"
-        self._settings = settings
-        self._negotiator = ModeNegotiator(settings)
         self._skills: tuple[Skill, ...] = ()
-
-    @property
-    def settings(self) -> Json:
-        return self._negotiator.client.in_force
-
-    def ready(self, instruction: str) -> None:
-        """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
-        self._negotiator.client.begin(None)
 
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached."""
