@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hosting import plugin
 
-from humanclaw import Backends, Body, Call, HumanclawError, Plugins
+from humanclaw import Backends, Body, Call, Gaze, HumanclawError, Plugins, skill
 from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, heading
 from humanclaw.checks.fakes import FAKE, FakeGenerator, Fakes
 from humanclaw.motion import PROFILES, DiTGenerator
@@ -115,3 +115,17 @@ def test_feet_do_not_push_a_body_off_a_seat_whose_back_has_lifted_it(seed):
 def test_the_papers_profile_switches_every_correction_off():
     on = [name for name, value in vars(PROFILES["paper"]).items() if value]
     assert on == ["solver"]
+
+
+@skill()
+def nod() -> Gaze:
+    """Look down."""
+    return Gaze.towards(0, -40, seconds=0.5)
+
+
+@pytest.mark.parametrize(("profile", "told"), [("default", 0), ("paper", 1)])
+def test_the_papers_profile_names_the_skills_beyond_the_papers(caplog, profile, told):
+    plugins = Plugins.discover()
+    plugins.add(Fakes([nod]), FAKE)
+    with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE, profile)):
+        assert caplog.text.count("nod") == told

@@ -10,7 +10,7 @@ from safetensors.numpy import load, save
 
 from humanclaw import SceneError
 from humanclaw.body import Pose2D
-from humanclaw.world import Hinge, Room, Slide, pack_scene, unpack_scene
+from humanclaw.world import Hinge, Room, SceneBuilder, Slide, box_mesh, pack_scene, unpack_scene
 
 STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
 
@@ -155,3 +155,11 @@ def test_a_scene_with_another_start_is_the_scene_made_with_it():
     assert other.digest == begun.digest != made_digest
     assert other.still == begun.still == made.still
     assert np.array_equal(other.aabb(made.objects[0].id), begun.aabb(made.objects[0].id))
+
+
+def test_two_meshes_of_a_category_keep_a_shape_each():
+    builder = SceneBuilder()
+    for wide in (0.5, 0.25):
+        builder.mesh("vase", box_mesh((wide, 0.5, 0.5)), (0.0, 0.0, 0.0))
+    built = builder.scene()
+    assert [np.ptp(built.vertices(obj.id)[:, 0]) for obj in built.objects] == [0.5, 0.25]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from inspect import signature
-from typing import Any, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,11 @@ from humanclaw.world.simulator import Chunk, Execution, Simulator, WorldState
 from humanclaw.world.view import CameraMount, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
+_LOG: Final = logging.getLogger(__name__)
+_PAPERS: Final = frozenset(
+    ["walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop"]
+)
+"""The skills of the paper's model."""
 
 
 class Body:
@@ -80,6 +86,10 @@ class Body:
         """Held during a call by acall() and by every list of tools: a body does one thing at a time."""
         self.resets = 0
         """Number of resets. An episode of an earlier count is over."""
+        if self.backends.profile == "paper" and (more := sorted(self.skills.keys() - _PAPERS)):
+            _LOG.warning(
+                "The paper's model had no %s: leave out what a task does not need (--skills).", ", ".join(more)
+            )
         self.place(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:

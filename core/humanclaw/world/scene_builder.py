@@ -65,8 +65,9 @@ class SceneBuilder:
 
     def mesh(self, category: str, mesh: Mesh, position: Vec3, **facts: Any) -> int:
         """Add an object without collision shape. Returns its id."""
-        self.assets[category] = Asset(category, category, mesh, ())
-        return self._put(category, category, position, facts)
+        name = f"{category} {len(self.assets)}" if category in self.assets else category
+        self.assets[name] = Asset(name, category, mesh, ())
+        return self._put(name, category, position, facts)
 
     def _put(self, asset: str, category: str, position: Vec3, facts: Mapping[str, Any]) -> int:
         self.objects.append(SceneObject(len(self.objects) + 1, asset, category, position, **facts))

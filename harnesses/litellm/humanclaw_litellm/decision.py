@@ -25,7 +25,7 @@ from humanclaw.skills import Json, Reasoning, answer_schema, read_call, read_tex
 from humanclaw_litellm.asking import AnswerFormat, Asker, Reply
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.failures import TooLongError
-from humanclaw_litellm.settings import PAPERS_SKILLS, Mode, ModelError, Settings
+from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,6 @@ class ModelAgent(Asker):
         """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""
         self._negotiator.client.begin(context.meter)
         skills, settings = usable(context), self._settings
-        if settings.profile == "paper" and (more := sorted({skill.name for skill in skills} - PAPERS_SKILLS)):
-            told = f"The paper's model had no {', '.join(more)}: leave out what a task does not need (--skills)."
-            self._negotiator.client.learned.warn("skills", told)
         asked: Json = {"mid_level": settings.mid_level, "described": False, "optional": settings.optional}
         form = AnswerFormat(tuple(model_tools(skills, settings)), answer_schema(skills, **asked))
         self._episode, self._note, self._room = _Episode(context, skills, form), "", sys.maxsize

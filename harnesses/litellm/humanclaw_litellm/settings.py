@@ -22,9 +22,6 @@ PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
 }  # fmt: skip
 """Defaults by profile. paper: the baseline of the paper's ablation, with greedy decoding."""
-PAPERS_SKILLS: Final = frozenset(
-    ["walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop"]
-)
 VERIFIER: Final[Mapping[str, Any]] = {"num_retries": 2, "timeout": 30.0}
 """The verifier's default budget. It is smaller, so that an episode does not wait long for a safeguard."""
 _OURS: Final = frozenset(

@@ -705,15 +705,6 @@ def test_the_users_prices_count_before_the_servers_cost(begin, view, cost, price
         assert agent.decide(view(), ()).usage.cost == pytest.approx(booked)
 
 
-@pytest.mark.parametrize(("profile", "warned"), [("paper", 1), ("default", 0)])
-def test_skills_beyond_the_papers_are_named_once(begin, context, skills, caplog, profile, warned):
-    more = dataclasses.replace(context, skills=skills | {"nod": dataclasses.replace(skills["walk"], name="nod")})
-    with OpenAIServer([]) as server:
-        for about in (context, more, more):
-            begin(server, about=about, profile=profile)
-    assert caplog.text.count("The paper's model had no nod") == warned
-
-
 def test_a_model_without_a_price_is_named_at_once(context, plugins, monkeypatch, caplog):
     monkeypatch.setenv("OPENAI_API_KEY", "planted-0123456789-key")
     for model, known in (("openai/gpt-4o-mini", True), ("openai/gpt-unheard-of", False)):

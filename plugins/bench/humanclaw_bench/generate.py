@@ -84,7 +84,8 @@ def generate(
         elif hands:
             made = choose(_drawn(pool, HOUSES, 0, (seed,), _for_hands))
         elif oneself:
-            made = {SELF: tuple(tqdm(questions(Plugins.discover(), seed), total=TOTAL, unit="question"))}
+            asked = tqdm(questions(Plugins.discover(), seed), total=TOTAL, unit="question")
+            made = {SELF: sorted(asked, key=lambda spec: spec.seed)}
         elif two:
             made = {TWO: two_bodies.choose(_drawn(pool, HOUSES, 0, (seed,), _with_partner))}
         elif secret is None:

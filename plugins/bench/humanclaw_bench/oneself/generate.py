@@ -18,7 +18,7 @@ from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quate
 from humanclaw.records import Goal, name_of
 from humanclaw.skills import Role, check_call, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
-from humanclaw_bench.oneself.scene_setups import AHEAD, CUBE, EDGE, reference
+from humanclaw_bench.oneself.scene_setups import AHEAD, CUBE, EDGE, OVER, reference
 from humanclaw_bench.splits import HOUSES
 
 STEPS: Final = 10
@@ -127,25 +127,27 @@ class Kind:
 
 
 def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
-    """Turn round, and hold out a hand beside another person's; a cube hangs over one of the two."""
-    own = float(rng.choice([-1.0, 1.0]))
-    other = (-own, own)[number % 2]
-    near, far = rng.uniform(0.05, 0.13), rng.uniform(0.3, 0.35)
-    # Arms do not cross, and each hand is near the middle half of the time: a cube's place does not tell whose it is.
-    aside = [own * near, other * far] if own == other else [own * far, other * near]
-    at, theirs = np.stack([aside, rng.uniform(1.05, 1.2, 2), rng.uniform(0.42, 0.5, 2)], 1).round(2)
-    side = float(round(other * rng.uniform(0.58, 0.64), 2))
-    cube = ((at if wanted == "yours" else theirs) + [0, CUBE, 0]).round(3)
-    hand, turn = "left" if own > 0 else "right", other * np.pi / 3
+    """Turn round to two people, each with a hand held out and a cube over one, and bring a hand over one of the two.
+
+    What stands there does not depend on the answer, which comes about with one's own hand.
+    """
+    middle, to_left = rng.uniform(-0.1, 0.1), number % 2 == 0
+    theirs = np.stack(
+        [middle + np.array([0.15, -0.15]), rng.uniform(0.95, 1.1, 2), rng.uniform(0.42, 0.5, 2)], 1
+    ).round(2)
+    at = theirs[0 if to_left else 1] + [0.0, OVER, 0.0]
+    marked = theirs[0 if to_left == (wanted == "yours") else 1]
+    cube = (marked + [0.0, OVER + CUBE, 0.0]).round(3)
+    turn, hand = rng.choice([-1.0, 1.0]) * np.pi / 3, "left" if at[0] > 0 else "right"
 
     def read(played: Played, place: Pose2D) -> str:
-        mine, yours = (float(np.linalg.norm(cube - point)) for point in (played.hand(hand, place)[-1], theirs))
-        return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
+        gap = float(np.linalg.norm(cube - played.hand(hand, place)[-1]))
+        return "" if abs(gap - OVER - CUBE) < 0.05 else "yours" if gap < OVER + CUBE else "another's"
 
-    words = "call {0} twice, then {2}, and look. A red cube hangs right above a hand. Whose hand is it?"
-    calls = (*(Asked({"heading.left": turn}),) * 2, _reach(hand, *at))
-    # At first the other is behind the body, so that no view tells whose hand the cube will be above.
-    return Question("hands", (side, *theirs.tolist(), *cube.tolist()), words, calls, read, away=-2 * turn)
+    words = "call {0} three times, then {3}, and look. Whose hand is nearest to the red cube then?"
+    calls = (*(Asked({"heading.left": turn}),) * 3, _reach(hand, *at))
+    # At first the others are behind the body.
+    return Question("hands", (*theirs.ravel().tolist(), *cube.tolist()), words, calls, read, away=-3 * turn)
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -278,17 +280,18 @@ TOTAL: Final = sum(kind.each * len(kind.options) for kind in KINDS)
 
 # -- places and answers ------------------------------------------------------------------------------------------------
 def questions(plugins: Plugins, seed: int = 0) -> Iterator[EpisodeSpec]:
-    """Yield the questions of the split, each in the next house that has room for it.
+    """Yield the questions of the split, each in the next house that has room for it. Their seeds are their places in
+    the split: shuffled, since answers are drawn in turn.
 
     plugins: with the skills of hands, which some are played with.
     """
-    houses = cycle(HOUSES)
+    houses, order = cycle(HOUSES), np.random.default_rng(seed).permutation(TOTAL).tolist()
     asked = [(kind, wanted, k) for kind in KINDS for k in range(kind.each) for wanted in kind.options]
     with Body("house:0", plugins=plugins) as body:
         for number, (kind, wanted, k) in enumerate(asked):
             rng = np.random.default_rng([seed, number, 61])
             spec = next(filter(None, (_asked(body, kind, wanted, k, next(houses), rng) for _ in HOUSES)))
-            yield spec.model_copy(update={"id": f"{spec.id}-{number}", "seed": number})
+            yield spec.model_copy(update={"id": f"{spec.id}-{order[number]}", "seed": order[number]})
 
 
 def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.random.Generator) -> EpisodeSpec | None:

@@ -26,6 +26,10 @@ BESIDE: Final = np.radians(50.0)
 body. The nearer they are, the more alike is the light on them."""
 CUBE: Final = 0.12
 """Metres from a hand up to the cube that marks it."""
+OVER: Final = 0.13
+"""Metres from another's hand up to one's own, which does not touch it."""
+_ASIDE: Final = 0.62
+"""Metres from the body to a person beside it."""
 AHEAD: Final = 1.5
 """Metres from the body to a gap or a stool."""
 EDGE: Final = 1.1
@@ -87,16 +91,15 @@ def _without_shadow(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=vertices, uv=np.append(mesh.uv, mesh.uv[:1], axis=0))
 
 
-def _hands(on: Setup, side: float, *at: float) -> None:
-    """Stand another person beside the body, its inner hand held out, and hang a cube up.
+def _hands(on: Setup, *at: float) -> None:
+    """Stand a person on either side of the body, the inner hand held out, and hang a cube up.
 
-    side: metres to the left. at: left, up and ahead of the body, metres, of the hand and of the cube.
+    at: left, up and ahead of the body, metres, of the left person's hand, the right one's, and the cube.
     """
-    left, up, ahead, *cube = at
-    reach = Reach("right" if side > 0 else "left", (left - side, up, ahead), seconds=0.5)
-    pose, _ = part_motion(reach, rest_pose(HISTORY))
-    on.person(pose, (side, 0.0, 0.0))
-    on.cube((cube[0], cube[1], cube[2]))
+    for beside, hand, (left, up, ahead) in ((_ASIDE, "right", at[:3]), (-_ASIDE, "left", at[3:6])):
+        pose, _ = part_motion(Reach(hand, (left - beside, up, ahead), seconds=0.5), rest_pose(HISTORY))
+        on.person(pose, (beside, 0.0, 0.0))
+    on.cube((at[6], at[7], at[8]))
 
 
 def _mirror(on: Setup, away: float, left: float, turned: float = 0.0) -> None:
