@@ -110,7 +110,7 @@ class Controlled:
         self._blocks = [Block.pair(*both) for both in zip(base.blocks, adapter.blocks, strict=True)]
         embedded = silu(base.time(tau))  # The embedding of tau is the base's.
         both = modulate_blocks(base.modulators, embedded), modulate_blocks(adapter.modulators, embedded)
-        self._modulations = np.stack(both, axis=2)
+        self._modulations = np.stack(both, axis=2)  # (layers, 6, 2, B, 1, hidden): base and branch
 
     def through(self, values: Array, times: slice = slice(None)) -> Layer:
         """Return what carries tokens through each layer (the module's equation).
@@ -120,7 +120,7 @@ class Controlled:
         condition, at = self._condition(values), self._modulations[:, :, :, times]
 
         def layer(index: int, z: Array) -> Array:
-            own, branch = self._blocks[index](np.stack([z, z + condition]), at[index])
+            own, branch = self._blocks[index](np.stack([z, z + condition]), at[index])  # (B, T, hidden) each
             carried: Array = own + self._weights[index](branch)
             return carried
 

@@ -173,8 +173,9 @@ class Block:
     def _attend(self, z: Array) -> Array:
         *batch, tokens, hidden = z.shape
         heads = self.qkv(z).reshape(*batch, tokens, 3, self.heads, hidden // self.heads)
+        # (..., heads, T, hidden / heads) each.
         query, key, value = (heads[..., part, :, :].swapaxes(-3, -2) for part in range(3))
-        share = _softmax(query @ key.swapaxes(-1, -2) / math.sqrt(hidden // self.heads))
+        share = _softmax(query @ key.swapaxes(-1, -2) / math.sqrt(hidden // self.heads))  # (..., heads, T, T)
         return self.out((share @ value).swapaxes(-3, -2).reshape(z.shape))
 
 
@@ -203,7 +204,7 @@ class DiT:
 
         through: what carries the tokens through each layer; the base's own blocks alone by default.
         """
-        z = self.enter(np.concatenate([history, noisy], 1)) + self.position
+        z = self.enter(np.concatenate([history, noisy], 1)) + self.position  # (B, 20, hidden)
         for layer, block in enumerate(self.blocks):
             z = through(layer, z) if through else block(z, at.blocks[layer])
         shift, scale = at.final
@@ -268,7 +269,7 @@ def _gelu(x: Array) -> Array:
 
 def _softmax(x: Array) -> Array:
     """Over the last axis."""
-    shares: Array = x - x.max(-1, keepdims=True)
+    shares: Array = x - x.max(-1, keepdims=True)  # So that exp never overflows.
     np.exp(shares, out=shares)
     shares /= shares.sum(-1, keepdims=True)
     return shares

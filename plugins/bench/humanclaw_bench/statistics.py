@@ -260,7 +260,7 @@ def compare_ratios(
         nothing = float("nan")
         return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0, True)
     ratio_a, ratio_b = float(_ratio(*first.T)), float(_ratio(*second.T))
-    both = units(np.stack([first, second], 1), houses)
+    both = units(np.stack([first, second], 1), houses)  # (U, 2, 2): house, run, numerator and denominator
     draws = (
         _ratio(*np.moveaxis(both[rows, 1], -1, 0)) - _ratio(*np.moveaxis(both[rows, 0], -1, 0))
         for rows in _draws(len(both), seed)
@@ -282,15 +282,15 @@ def _swap_test(first: Array, second: Array, seed: int) -> float:
         return 1.0
     tosses = np.random.default_rng(seed).integers(0, 2, (RESAMPLES, len(first))).astype(float)
     total, change = first + second, second - first
-    swapped = [_over(total, change, sign, tosses) for sign in (1.0, -1.0)]
+    swapped = [_over(total, change, sign, tosses) for sign in (1.0, -1.0)]  # (R,) each
     differences = np.abs(swapped[0] - swapped[1])
-    as_large = int((differences >= observed * (1 - 1e-9)).sum())
+    as_large = int((differences >= observed * (1 - 1e-9)).sum())  # Equal differences may differ in their last bits.
     return (as_large + 1) / (RESAMPLES + 1)  # The observed result counts as one swap, so p is never 0.
 
 
 def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
     """Return (R,) the ratio of one side after the swaps: half the total plus or minus half of each change."""
-    sides = (total.sum(0) + sign * ((2 * tosses - 1) @ change)) / 2
+    sides = (total.sum(0) + sign * ((2 * tosses - 1) @ change)) / 2  # (R, 2)
     return np.asarray(np.where(sides[:, 1] > 0, sides[:, 0] / np.where(sides[:, 1] > 0, sides[:, 1], 1.0), np.nan))
 
 
