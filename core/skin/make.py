@@ -39,14 +39,17 @@ Mask = NDArray[np.bool_]
 Mesh = tuple[Array, Indices, Indices]
 """Points, faces, and the region of each face."""
 STEP = 0.005
+"""Side of a cell in which the surface is sought, metres: half of it doubles detail and takes eight times as long."""
 SHOE = 0.0748
 """Height of the ankle over the sole, metres."""
 LOW, HIGH = np.array([0.0, -0.99, -0.21]), np.array([0.78, 0.80, 0.27])
+"""Corners of the box around the left half in its bind pose, metres."""
 HAND = (0.50, -0.17, -0.02), (0.70, 0.03, 0.16)
 """Corners of the place where steps are half as wide: fingers are 4 mm apart."""
 HALF_FACES = 2900
 """Of the left half: more cost time in each picture, fewer show their edges."""
 STEEP = 10.0
+"""Slope of the planes at which cloth ends, for the borders of regions: steep ones are straight."""
 
 
 # -- surface -----------------------------------------------------------------------------------------------------------

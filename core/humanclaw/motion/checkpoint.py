@@ -25,9 +25,11 @@ from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import Array, DiT, ModelConfig, Weights
 
 FORMAT: Final = 1
+"""Of the header and the names of tensors. Raise it when an older reader would misread a checkpoint."""
 HEADER: Final = "humanclaw"
 """The metadata key of the header."""
 _HEADER_BYTES: Final = 8 << 20
+"""Longest header: one that a file only claims would be read into memory before anything is checked."""
 MODEL: Final = "model."
 """Prefix of the names of a model's tensors."""
 Tensors = Mapping[str, NDArray[np.floating]]

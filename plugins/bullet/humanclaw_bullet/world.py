@@ -32,6 +32,7 @@ _HASTE: Final = 4
 """While bodies touch one another the maximum is so many times smaller. Their contacts never converge: the steps would
 take half as long again, and links enter one another no less."""
 _LINKS: Final = list(range(len(JOINTS) - 1))
+"""Bullet counts the root's children from 0: the pelvis is the base and no link."""
 
 
 class BulletWorld:

@@ -29,6 +29,7 @@ _LINKS: Final = 500
 _SEGMENTS: Final = 24
 """Sides of a cylinder and of a capsule."""
 _GREY: Final = (200, 200, 200)
+"""Of a part that names no colour."""
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ Box = tuple[float, float, float, float, float, str]
 """x0, y0, x1, y1 in pixels, a score from 0 to 1, and the name of a COCO category."""
 CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
+"""Least share of a small picture that a target fills, least overlap with a detection, and the scores that count."""
 SAME = {"succulent": "potted_plant"}
 """Categories that the detector has in one class with another count as that one."""
 VISIBLE = 0.0002

@@ -14,6 +14,7 @@ from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Texture
 
 DEPTH, HEIGHT = 0.6, 0.9
+"""Of units with their worktop, metres: the standard of fitted kitchens, which stoves and dishwashers keep."""
 _UNIT: Final = HEIGHT - 0.14
 """Height of a unit between its plinth and its worktop, metres."""
 _ONE_DOOR: Final = 0.6

@@ -14,6 +14,7 @@ ROOT: Final = slice(0, 3)
 ROTATIONS: Final = slice(3, 3 + 3 * N_JOINTS)
 POSITIONS: Final = slice(ROTATIONS.stop, ROTATIONS.stop + 3 * N_JOINTS)
 VELOCITIES: Final = slice(POSITIONS.stop, STATE_SIZE)
+"""Where the parts of a state of 219 numbers lie."""
 
 FEET: Final = tuple(JOINT_INDEX[name] for name in ("left_ankle", "right_ankle", "left_foot", "right_foot"))
 _SOLES: Final = (SOLE, SOLE, TOE_SOLE, TOE_SOLE)
