@@ -173,6 +173,9 @@ perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.js
 peers: install  ## Measure motion, views, physics, steps and start-up beside other libraries, each in its own environment (minutes; PyPI)
 	PYTHONPATH=tests/evidence $(BIN)/python tests/evidence/peers/peers.py
 
+cost: install  ## Measure how the cost of steps, workers and pages grows (minutes)
+	$(BIN)/python tests/evidence/cost.py
+
 soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)
 	$(BIN)/python tests/evidence/soak.py
 

@@ -4,6 +4,7 @@ import errno
 import io
 import json
 import os
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -214,6 +215,25 @@ def test_an_object_rests_in_pieces_of_motion_that_do_not_name_it(tmp_path):
     writer.move(body, body | {"object_4": np.array([[1.0] * 7, [2.0] * 7])}, body)
     writer.end(RECORD)
     assert RecordedEpisode(tmp_path).objects()[4][:, 0].tolist() == [0, 0, 1, 2, 2, 2]
+
+
+@pytest.mark.parametrize("room", [True, False])
+def test_a_long_motion_waits_in_a_file_if_there_is_room(tmp_path, monkeypatch, room):
+    """Of 300 pieces of 48 kB memory holds 200, and 300 where the temporary file gets no byte."""
+    if not room:
+        monkeypatch.setattr("humanclaw.storage.overflow.TemporaryFile", lambda **_: io.FileIO("/dev/full", "w"))
+    writer = EpisodeWriter(tmp_path, RECORD)
+    writer.open()
+    tracemalloc.start()
+    for number in range(300):
+        writer.move({"generated_root": np.full((2000, 3), float(number))})
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    writer.end(RECORD)
+    assert held / 48e3 == pytest.approx(200 if room else 300, abs=5)
+    with np.load(tmp_path / "motion.npz") as motion:
+        assert (motion["generated_root"][::2000, 0] == np.arange(300)).all()
+        assert motion["generated_root"].shape == (600_000, 3)
 
 
 def test_steps_wait_for_no_disk_and_all_is_on_disk_at_the_end(writer, monkeypatch):

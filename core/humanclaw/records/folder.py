@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,17 +15,21 @@ from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
 from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord, spent
 from humanclaw.storage.files import MIB, Folder, add_line, writing
+from humanclaw.storage.overflow import Overflow
 
 AGAIN = "Run the episode again, or remove its folder."
 RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 * MIB, 1024 * MIB
 """Maximum bytes of episode.json, steps.jsonl, a frame, and motion.npz."""
+_IN_MEMORY = 200
+"""Pieces of motion that stay in memory, 5 MB: more than an episode of a benchmark has."""
 
 
 class EpisodeWriter:
     """Keeps the record of an episode: in memory, and in a folder if it has one.
 
-    A step is in its file before the next one begins, so that a kill costs no more than the step under way. Motion stays
-    in memory until the end, 23 kB a step: who resumes an episode plays its calls again.
+    A step is in its file before the next one begins, so that a kill costs no more than the step under way. Motion waits
+    for the end, 23 kB a step, in memory or, of a long episode, in a file without a name: who resumes an episode plays
+    its calls again.
     """
 
     def __init__(
@@ -41,6 +46,7 @@ class EpisodeWriter:
         self._files = Folder.of(folder) if folder else None
         self.folder = self._files.path if self._files else None
         self._at_rest, self._pieces = at_rest or {}, list[Mapping[str, Array]]()
+        self._overflow = Overflow()
         self._lines: BinaryIO | None = None
         """steps.jsonl, once the folder has begun."""
 
@@ -71,7 +77,9 @@ class EpisodeWriter:
         """Append motion: arrays by name, {generated,simulated}_{root,rotations} and object_ID, one row a frame. Of
         objects only those that moved."""
         if self._files:
-            self._pieces += pieces
+            self._pieces += [
+                self._overflow.put(piece) if len(self._pieces) >= _IN_MEMORY else piece for piece in pieces
+            ]
 
     def keep(self, step: StepRecord) -> None:
         """Append a step: once the folder has begun a line, whole or not at all. Raises RecordError for a full disk."""
@@ -89,15 +97,16 @@ class EpisodeWriter:
                 if pictures := frames.names(".jpg"):
                     frames.settle(pictures)
                 with self._files.replacing("motion.npz") as stream:
-                    _write_npz(stream, self._motion())
+                    _write_npz(stream, sum(len(piece["generated_root"]) for piece in self._pieces), self._motion())
             close_record(self._files, record)
             self._lines.close()
+            self._overflow.close()
         self.record = record
 
-    def _motion(self) -> Iterator[tuple[str, Array]]:
-        """Yield the arrays of the whole motion by name, one at a time: together they take twice the memory."""
+    def _motion(self) -> Iterator[tuple[str, Iterator[Array]]]:
+        """Yield the parts of each array of the whole motion, by name: whole arrays would take as much memory again."""
         for name in sorted({name for piece in self._pieces for name in piece}):
-            yield name, _joined(self._pieces, name, self._at_rest.get(name))
+            yield name, _parts(self._pieces, name, self._at_rest.get(name))
 
     @property
     def outcome(self) -> Outcome:
@@ -112,25 +121,26 @@ class EpisodeWriter:
         return self.outcome != "interrupted"
 
 
-def _joined(pieces: Sequence[Mapping[str, Array]], name: str, at_rest: Array | None) -> Array:
-    """Return an array of the whole motion from those of its pieces. An object that a piece does not name rests."""
-    parts, last = list[Array](), at_rest
+def _parts(pieces: Sequence[Mapping[str, Array]], name: str, at_rest: Array | None) -> Iterator[Array]:
+    """Yield an array of the whole motion by pieces. An object that a piece does not name rests."""
+    last = at_rest
     for piece in pieces:
         length = len(piece["generated_root"])
-        parts.append(piece[name] if name in piece else np.repeat(np.asarray(last, float)[None], length, 0))
-        last = parts[-1][-1] if length else last
-    return np.concatenate(parts)
+        part = piece[name] if name in piece else np.repeat(np.asarray(last, float)[None], length, 0)
+        yield part
+        last = part[-1] if length else last
 
 
-def _write_npz(stream: BinaryIO, arrays: Iterator[tuple[str, Array]]) -> None:
-    """Write arrays as numpy.savez_compressed does, but a thousand rows at a time: its buffers take 40 MB."""
+def _write_npz(stream: BinaryIO, rows: int, arrays: Iterator[tuple[str, Iterator[Array]]]) -> None:
+    """Write arrays of so many rows as numpy.savez_compressed does, but by parts: its buffers take 40 MB."""
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, values in arrays:
+        for name, parts in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                array = np.ascontiguousarray(values)
-                np.lib.format.write_array_header_1_0(member, np.lib.format.header_data_from_array_1_0(array))
-                for first in range(0, len(array), 1000):
-                    member.write(array[first : first + 1000].tobytes())
+                first = next(parts)
+                head = {"descr": "<f8", "fortran_order": False, "shape": (rows, *first.shape[1:])}
+                np.lib.format.write_array_header_1_0(member, head)
+                for part in chain([first], parts):
+                    member.write(np.ascontiguousarray(part, "<f8").tobytes())
 
 
 def write_record(folder: Path | Folder, record: EpisodeRecord) -> None:
