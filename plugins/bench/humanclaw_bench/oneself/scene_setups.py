@@ -96,8 +96,9 @@ def _hands(on: Setup, *at: float) -> None:
 
     at: left, up and ahead of the body, metres, of the left person's hand, the right one's, and the cube.
     """
-    for beside, hand, (left, up, ahead) in ((_ASIDE, "right", at[:3]), (-_ASIDE, "left", at[3:6])):
-        pose, _ = part_motion(Reach(hand, (left - beside, up, ahead), seconds=0.5), rest_pose(HISTORY))
+    for beside, (left, up, ahead) in ((_ASIDE, at[:3]), (-_ASIDE, at[3:6])):
+        reach = Reach("right" if beside > 0 else "left", (left - beside, up, ahead), seconds=0.5)
+        pose, _ = part_motion(reach, rest_pose(HISTORY))
         on.person(pose, (beside, 0.0, 0.0))
     on.cube((at[6], at[7], at[8]))
 
