@@ -160,16 +160,15 @@ class Drive:
         self._world.move(self._before.root + allowed / rate, turn, allowed, spin)
         self.pose = self._world.pose()
 
-    def pushed(self, way: Array) -> float:
-        """Return how fast along a level unit vector (3,) the body was moved in the step since command beyond what it
-        wants there, which is anything from rest to its command, m/s."""
-        moved = float((self._world.pose().root - self._before.root) @ way) * FPS * self._profile.substeps
+    def pushed(self, pose: Pose, way: Array) -> float:
+        """Return how fast along a level unit vector (3,) the body, now in a pose, was moved in the step since command
+        beyond what it wants there, which is anything from rest to its command, m/s."""
+        moved = float((pose.root - self._before.root) @ way) * FPS * self._profile.substeps
         wanted = float(self._sent @ way)
         return moved - max(min(wanted, 0.0), min(moved, max(wanted, 0.0)))
 
-    def shift(self, way: Array) -> None:
-        """Put the body as it is elsewhere by a way (3,), metres."""
-        pose = self._world.pose()
+    def shift(self, pose: Pose, way: Array) -> None:
+        """Put the body, now in a pose, elsewhere by a way (3,), metres."""
         self._world.move(pose.root + way, pose.quaternions[0], *self._world.velocity())
 
     def _allowed(self, speed: Array) -> Array:

@@ -160,11 +160,12 @@ class Simulation:
                 continue
             push = np.array([touch.normal for touch in met]).T @ [touch.force for touch in met] * _LEVEL
             way = push / max(float(np.linalg.norm(push)), 1e-12)
-            drives = self.bodies[one].drive, self.bodies[other].drive
-            back = -sum(drive.pushed(way) for drive in drives) / (FPS * self._profile.substeps) * way
+            # To read a pose takes long: once for both calls.
+            poses = {body.drive: body.world.pose() for body in (self.bodies[one], self.bodies[other])}
+            back = -sum(drive.pushed(pose, way) for drive, pose in poses.items()) / (FPS * self._profile.substeps) * way
             if not any(_holds(touch, back) for touch in (*felt[one], *felt[other])):
-                for drive in drives:
-                    drive.shift(back)
+                for drive, pose in poses.items():
+                    drive.shift(pose, back)
 
     def _contacts(self, frame: int, touches: Iterable[Touch]) -> list[Contact]:
         """One contact for each pair of link and object: the deepest of the frame."""
