@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
+    from humanclaw.checks.bounded import OverdueError as OverdueError, bounded as bounded
     from humanclaw.checks.fakes import (
         FakeGenerator as FakeGenerator,
         FakeRenderer as FakeRenderer,

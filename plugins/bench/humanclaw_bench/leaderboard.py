@@ -6,7 +6,7 @@ import json
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache, cached_property
 from pathlib import Path
@@ -23,6 +23,7 @@ from humanclaw.storage import Folder, lacking
 from humanclaw_bench.conditions import labels, summary
 from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, estimate
 from humanclaw_bench.replay import Replayed
+from humanclaw_bench.scoring import Extra
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import NAME, ScoredRun, Submission, read
 from humanclaw_bench.verification import known_split
@@ -54,6 +55,8 @@ class Checks:
     """Writes the page of a run into another folder; None links to none."""
     out: Path | None = None
     """Folder to publish: of what submitters sent it holds records alone. None writes index.html beside them."""
+    extra: Extra = field(default_factory=dict)
+    """Metrics of plugins, and the functions that decide success."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,7 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
         if run.is_symlink() or not (run / NAME).exists():
             continue
         try:
-            submitted.append(_with_page(_checked(_entry(run), checks), checks))
+            submitted.append(_with_page(_checked(_entry(run, checks.extra), checks), checks))
         except RecordError as error:
             unread.append(str(error))
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -165,10 +168,10 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     return submitted, unread
 
 
-def _entry(run: Path) -> Entry:
+def _entry(run: Path, extra: Extra) -> Entry:
     if run.name.lower() == _INDEX:
         raise RecordError(f"{run} has the name of the board's own page.", "Rename it, such as to mine.")
-    scored = ScoredRun.read(run)
+    scored = ScoredRun.read(run, extra)
     return Entry(run, scored, read(run, scored.episodes))
 
 

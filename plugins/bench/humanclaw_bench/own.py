@@ -36,8 +36,14 @@ def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:
     """Make a function decide the success of these episodes. Register the result in the hook humanclaw_splits.
 
     The function gets the record of a finished episode and returns whether it succeeded. `--split` takes its name; the
-    first line of its docstring explains a failure.
+    first line of its docstring explains a failure. Raises PluginError for anything but EpisodeSpecs.
     """
+    from humanclaw import EpisodeSpec, PluginError  # Here: lists of commands load this file.
+
+    for spec in episodes:
+        if not isinstance(spec, EpisodeSpec):
+            remedy = "Write @task(EpisodeSpec(id=..., instruction=..., scene=...))."
+            raise PluginError(f"@task takes EpisodeSpecs; got {spec!r}.", remedy)
 
     def made(success: Success) -> Task:
         name, (about, _, _) = success.__name__, (getdoc(success) or "").partition("\n")

@@ -13,7 +13,8 @@ from typing import Final, TypeAlias
 
 from tqdm import tqdm
 
-from humanclaw import EpisodeSpec, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw import EpisodeSpec, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw.testing import OverdueError, bounded
 from humanclaw_bench import own
 from humanclaw_bench.attribution import also, attribute
 from humanclaw_bench.failure_modes import Cause
@@ -30,6 +31,9 @@ Extra: TypeAlias = "Mapping[str, Measured]"
 OWN: Final = frozenset({field.name for field in fields(Scores)} | {"success", "stage", "cause", "capability"})
 """Names of the numbers in a row of scores."""
 COLLISIONS: Final = "collisions_"
+_SECONDS: Final = 60.0
+"""Time that a function of a plugin has for an episode: a loop without end must not hold up a run for ever."""
+_REMEDY: Final = "Mend it, then score the run again."
 _LOG: Final = logging.getLogger("humanclaw")
 
 
@@ -115,21 +119,26 @@ class Measured:
 
     def __call__(self, recorded: RecordedEpisode) -> float:
         try:
-            return float(self.measure(deepcopy(recorded)))
+            return bounded(_SECONDS, lambda: float(self.measure(deepcopy(recorded))))
         except KeyboardInterrupt:
             raise
+        except OverdueError as error:  # It still runs, and would do so for each further episode.
+            raise HumanclawError(f"{self._failed_on(recorded)}: {error}.", _REMEDY) from None
         except BaseException as error:
-            reason, episode = format_exception_only(error)[-1].strip(), recorded.record.spec.id
-            kind = "the success function of task" if isinstance(self.measure, Task) else "metric"
-            problem = f"{kind} {self.name!r} of plugin {self.owner!r} failed on episode {episode}: {reason}"
-            _LOG.error("%s%s. Mend it, then score the run again.", problem, _place(error))
+            reason = format_exception_only(error)[-1].strip()
+            _LOG.error("%s: %s%s. %s", self._failed_on(recorded), reason, _place(error), _REMEDY)
         return float("nan")
+
+    def _failed_on(self, recorded: RecordedEpisode) -> str:
+        kind = "the success function of task" if isinstance(self.measure, Task) else "metric"
+        return f"{kind} {self.name!r} of plugin {self.owner!r} failed on episode {recorded.record.spec.id}"
 
 
 def _place(error: BaseException) -> str:
     """Return where a plugin's function raised, such as ' (mine.py, line 9)'; empty if it raised nothing itself."""
-    frames = [frame for frame in extract_tb(error.__traceback__) if frame.filename not in (__file__, own.__file__)]
-    return f" ({frames[0].filename}, line {frames[0].lineno})" if frames else ""
+    frames = extract_tb(error.__traceback__)
+    last = max(place for place, frame in enumerate(frames) if frame.filename in (__file__, own.__file__))
+    return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in frames[last + 1 : last + 2])
 
 
 def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:

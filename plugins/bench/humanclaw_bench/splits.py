@@ -68,7 +68,9 @@ def load_split(name: str, plugins: Plugins | None = None) -> tuple[EpisodeSpec, 
     """
     known = (*SPLITS, *HANDS, SELF, TWO)
     own = {item.name: item.value.episodes for item in (plugins.registered("splits") if plugins else ())}
-    if name in own and name not in known:
+    if name in own and name in known:
+        raise HumanclawError(f"a plugin's task has the name of the split {name}.", "Rename its function.")
+    if name in own:
         return tuple(own[name])
     if name not in known and not Path(name).exists():
         names = ", ".join((*known, *own))

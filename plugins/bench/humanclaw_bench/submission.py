@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -11,11 +11,11 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from humanclaw import RecordedEpisode, RecordError, load_run
+from humanclaw import Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.records import first_fault
 from humanclaw.storage import Folder
 from humanclaw_bench.results import Result, named, require_whole
-from humanclaw_bench.scoring import scored
+from humanclaw_bench.scoring import Extra, metrics_of, scored
 from humanclaw_bench.verification import LARGEST, MANIFEST, Manifest, read_json, read_manifest, standing
 
 NAME: Final = "submission.json"
@@ -50,22 +50,22 @@ class ScoredRun:
     result: Result
 
     @classmethod
-    def read(cls, run: Path) -> ScoredRun:
-        """Read and score a run. Raises RecordError if it is damaged, of several agents, or not what run.json says."""
+    def read(cls, run: Path, extra: Extra) -> ScoredRun:
+        """Read and score a run. extra: metrics of plugins. Raises RecordError if it is damaged, of several agents, or not what run.json says."""
         manifest, episodes = read_manifest(run), tuple(load_run(run))
         known = standing(run, episodes)
         if known.faults:
             more = f" ({len(known.faults)} such faults)" if len(known.faults) > 1 else ""
             raise RecordError(known.faults[0] + more, f"`humanclaw bench verify {run}` lists everything that is wrong.")
-        result, *others = named({run.name: scored(episodes, name=run.name)}, {run.name: known})
+        result, *others = named({run.name: scored(episodes, extra, run.name)}, {run.name: known})
         if others:
             names = ", ".join(each.name for each in (result, *others))
             raise RecordError(f"{run} holds runs of several agents or settings ({names}).", "Name the folder of one.")
         return cls(manifest, episodes, result)
 
 
-def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> Submission:
-    """Return the submission of a run. partial: allow missing episodes.
+def submit(run: Path, who: str, model_date: str = "", partial: bool = True, files: Sequence[Path] = ()) -> Submission:
+    """Return the submission of a run. partial: allow missing episodes. files: plugins that decide success.
 
     Raises RecordError without an author, and unless the records are whole, sealed and of one agent.
     """
@@ -74,7 +74,7 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
     except ValidationError as error:
         said = f"no submission can be made: {first_fault(error)}."
         raise RecordError(said, "Give names of at most 500 letters.") from error
-    run_scored = ScoredRun.read(run)
+    run_scored = ScoredRun.read(run, metrics_of(Plugins.discover(files)))
     require_whole([run_scored.result], partial)
     return made.model_copy(update={"digest": run_digest(run, run_scored.episodes)})
 

@@ -17,6 +17,7 @@ from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
 from humanclaw_bench.replay import Replayed, replayed, sample
+from humanclaw_bench.scoring import metrics_of
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.verification import MANIFEST, check, split_digest
 
@@ -95,9 +96,10 @@ def _verify_files(run: Path) -> bool:
 @click.option("--who", required=True, help="Author, as shown on the page.")
 @click.option("--model-date", default="", help="Version or date of the model from its provider.")
 @PARTIAL
-def submit(run: Path, who: str, model_date: str, partial: bool) -> None:
+@plugin_files
+def submit(run: Path, who: str, model_date: str, partial: bool, files: tuple[Path, ...]) -> None:
     """Write submission.json into a run, which makes its folder a submission for `bench leaderboard`."""
-    made = submissions.submit(run, who, model_date, partial)
+    made = submissions.submit(run, who, model_date, partial, files)
     click.echo(write_result(None, run, submissions.NAME, made.model_dump_json(indent=1).encode()))
 
 
@@ -136,10 +138,11 @@ def leaderboard(
         return _played_again(run, again or 0, seed, workers, files)
 
     test = split_digest(load_split(str(hidden))) if hidden else ""
-    write = partial(_write_page, Plugins.discover(files)) if pages else None
+    plugins = Plugins.discover(files)
+    write = partial(_write_page, plugins) if pages else None
     if pages and pages.resolve() == folder.resolve():
         raise HumanclawError(f"{folder} holds what submitters sent.", "Name another folder with --pages.")
-    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write, pages)
+    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write, pages, metrics_of(plugins))
     click.echo(leaderboards.leaderboard(folder, checks))
 
 

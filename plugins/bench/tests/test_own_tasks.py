@@ -199,3 +199,29 @@ def test_check_uses_the_function_of_a_task_once(file, body, fault):
     file.write_text(FILE.replace("BODY", body))
     told = [fault.message for report in check_target(str(file), Plugins.discover()) for fault in report.faults]
     assert (told == []) if fault is None else (fault in told[0])
+
+
+def test_a_function_that_never_returns_ends_the_table(run, file, monkeypatch):
+    monkeypatch.setattr("humanclaw_bench.scoring._SECONDS", 0.3)
+    file.write_text(FILE.replace("return BODY", "import time; time.sleep(3)"))
+    refused = CliRunner().invoke(bench, ["table", str(run), "--plugin", str(file)]).exception
+    assert "task 'stopped_ahead' of plugin 'mine' failed on episode" in str(refused)
+    assert "it did not return within 0.3 s. Mend it, then score the run again." in str(refused)
+
+
+@pytest.mark.parametrize("given", ["Walk.", lambda episode: True])
+def test_a_task_of_anything_but_episodes_is_refused(given):
+    with pytest.raises(HumanclawError, match=r"@task takes EpisodeSpecs; got .*Write @task\(EpisodeSpec"):
+        task(given)
+
+
+def test_a_task_named_like_a_shipped_split_is_refused(file):
+    file.write_text(FILE.replace("BODY", "True").replace("stopped_ahead", "smoke"))
+    with pytest.raises(HumanclawError, match="has the name of the split smoke"):
+        load_split("smoke", Plugins.discover([file]))
+
+
+def test_a_run_of_an_own_task_is_submitted_and_ranked(run, file):
+    call("submit", run, "--who", "A", "--plugin", file)
+    call("leaderboard", run.parent, "--any-pace", "--plugin", file)
+    assert "cannot be scored" not in (run.parent / "index.html").read_text()
