@@ -51,7 +51,10 @@ class ScoredRun:
 
     @classmethod
     def read(cls, run: Path, extra: Extra) -> ScoredRun:
-        """Read and score a run. extra: metrics of plugins. Raises RecordError if it is damaged, of several agents, or not what run.json says."""
+        """Read and score a run. extra: metrics of plugins.
+
+        Raises RecordError if it is damaged, of several agents, or not what run.json says.
+        """
         manifest, episodes = read_manifest(run), tuple(load_run(run))
         known = standing(run, episodes)
         if known.faults:
