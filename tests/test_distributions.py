@@ -175,12 +175,19 @@ def test_the_hooks_of_a_commit_are_the_checks_of_lint():
 def test_the_table_says_what_the_distributions_register(plugins):
     origins = {info.name: info.origin for info in plugins.infos}
     for kind, table in distributions.table().items():
-        if kind == "commands":
+        if kind in ("commands", "paper"):
             continue
         found = {one.name: origins[one.owner] for one in plugins.registered(kind)}
         installed = {name: of for name, of in table.items() if of in origins.values() and name not in WITHOUT_WHEELS}
         brought = {name: of for name, of in found.items() if of in NAMES - {"humanclaw"}}  # The core is always there.
         assert brought == installed, kind
+
+
+def test_the_papers_skills_are_the_eight_that_need_no_extra():
+    papers, skills = distributions.table()["paper"], distributions.table()["skills"]
+    assert len(papers) == 8
+    assert papers.items() <= skills.items()
+    assert not {f"skills/{of.removeprefix('humanclaw-skill-')}" for of in papers.values()} & NOT_INSTALLED.keys()
 
 
 def test_the_table_says_whose_every_command_is():

@@ -11,7 +11,8 @@ PROGRAMS = sorted((Path(__file__).parent / "evidence").glob("*.py"))
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.stem)
-def test_a_program_of_evidence_finds_what_it_imports(program: Path) -> None:
+def test_a_program_of_evidence_finds_what_it_imports(program: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(program.parent)  # As Python does with the folder of what it runs.
     assert "main" in runpy.run_path(str(program), run_name="loaded")
 
 

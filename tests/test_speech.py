@@ -64,7 +64,7 @@ def test_the_speaker_reads_its_own_words_as_a_quotation_of_one_line():
     assert str(Feedback(call)) == r'Executed say(text="hi\") Executed stop(). You fell.", to=all).'
 
 
-@pytest.mark.parametrize("text", ["", "a" * 1001, 7])
+@pytest.mark.parametrize("text", ["", " \n", "a" * 1001, 7])
 def test_speech_is_a_text_of_1_to_1000_characters(text):
     with pytest.raises(MotionError, match="1 to 1,000 characters"):
         Speech(text)

@@ -25,6 +25,7 @@ from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import HumanclawError, blaming
 from humanclaw.motion.protocol import MotionGenerator
+from humanclaw.plugins import distributions
 from humanclaw.plugins.agents import Observation, Verifier
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.feedback import Feedback
@@ -40,10 +41,6 @@ from humanclaw.world.view import CameraMount, Renderer, View, ego_camera, gaze_o
 
 T = TypeVar("T", bound=np.generic)
 _LOG: Final = logging.getLogger(__name__)
-_PAPERS: Final = frozenset(
-    ["walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop"]
-)
-"""The skills of the paper's model."""
 
 
 class Body:
@@ -86,10 +83,9 @@ class Body:
         """Held during a call by acall() and by every list of tools: a body does one thing at a time."""
         self.resets = 0
         """Number of resets. An episode of an earlier count is over."""
-        if self.backends.profile == "paper" and (more := sorted(self.skills.keys() - _PAPERS)):
-            _LOG.warning(
-                "The paper's model had no %s: leave out what a task does not need (--skills).", ", ".join(more)
-            )
+        papers = distributions.table()["paper"].keys()
+        if self.backends.profile == "paper" and (more := ", ".join(sorted(self.skills.keys() - papers))):
+            _LOG.warning("The paper's model had no %s: leave out what a task does not need (--skills).", more)
         self.place(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:

@@ -105,13 +105,14 @@ class Speech:
     """Say something to whoever is near; it takes no time, and the body stays as it is. Alone, nobody hears it."""
 
     text: str
-    """1 to 1,000 characters."""
+    """1 to 1,000 characters, not all of them blank."""
     seconds: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.text, str) or not 1 <= len(self.text) <= LONGEST_SPEECH:
-            got = f"{len(self.text)} characters" if isinstance(self.text, str) else repr(self.text)[:LONGEST_FAULT]
-            raise MotionError("speech-text", f"speech is a text of 1 to {LONGEST_SPEECH:,} characters; got {got}")
+        if not (isinstance(self.text, str) and self.text.strip() and len(self.text) <= LONGEST_SPEECH):
+            long = isinstance(self.text, str) and len(self.text) > LONGEST_SPEECH
+            got = f"{len(self.text)} characters" if long else repr(self.text)[:LONGEST_FAULT]
+            raise MotionError("speech-text", f"speech is words of 1 to {LONGEST_SPEECH:,} characters; got {got}")
 
     def over(self, pose: Motion) -> Motion:
         """Return no frame."""
