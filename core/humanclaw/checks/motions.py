@@ -21,15 +21,14 @@ def glide(x: float, z: float, frames: int = FUTURE) -> Motion:
     return Motion(motion.root + path, motion.rotations)
 
 
-def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Motion:
-    """Return steps from standing, 0.6 s each: `run` metres forward (the first one `first` metres) and `rise` metres
-    up."""
+def gait(count: int, run: float, rise: float = 0.0) -> Motion:
+    """Return steps from standing, 0.6 s each: `run` metres forward (the first one 0.45) and `rise` metres up."""
     feet, pelvis = [np.zeros(3), np.zeros(3)], np.array([0.0, 0.93, 0.0])
     roots: list[Array] = []
     ways: list[Array] = []
     for step in range(count + 1):
         moving, start, from_pelvis = step % 2, feet[step % 2], pelvis
-        goal = np.array([0.0, rise * min(step + 1, count), first + run * min(step, count - 1)])
+        goal = np.array([0.0, rise * min(step + 1, count), 0.45 + run * min(step, count - 1)])
         other = feet[1 - moving]
         over = np.array([0.0, min(goal[1], other[1]) + 0.93, goal[2] if step == count else (goal[2] + other[2]) / 2])
         for t in np.arange(1, 19) / 18:

@@ -120,6 +120,6 @@ class Fixture:
         return motion
 
 
-def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:
-    """Return `count` half seconds of walking, each with a distance and a turn in radians."""
-    return [{FORWARD: metres, TURN: turn}] * count
+def walk(count: int, metres: float = 0.5) -> Sequence[Command]:
+    """Return `count` half seconds of walking straight ahead, each with a distance."""
+    return [{FORWARD: metres, TURN: 0.0}] * count

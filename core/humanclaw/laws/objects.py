@@ -10,7 +10,6 @@ import numpy as np
 
 from humanclaw.body.pose import FPS, Array, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.laws.fixture import Finding, Fixture, walk
-from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.push_force_limit import GROUND_FRICTION
 from humanclaw.world.joints import GRAVITY, Hinge, Slide
 from humanclaw.world.scene_builder import SceneBuilder, block
@@ -43,11 +42,11 @@ class Pushed:
     """Work, friction included, joules."""
 
 
-def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None = None) -> Pushed:
-    """Walk `count` half seconds against a box of 40 cm."""
+def push(fixture: Fixture, mass: float) -> Pushed:
+    """Walk two seconds against a box of 40 cm."""
     builder = SceneBuilder.on_floor()
     box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.6), movable=True, mass=mass)
-    played = fixture.perform(builder.scene(), walk(count), profile)
+    played = fixture.perform(builder.scene(), walk(4))
     # Measured at the centre of mass: the base of a tipping box moves faster without being pushed.
     path = played.path_above(box, 0.2)
     steps = np.linalg.norm(np.diff(path[:, [0, 2]], axis=0), axis=1)

@@ -56,13 +56,13 @@ def _boxes(scene: Scene) -> tuple[Array, Array]:
     return np.array([low for low, _ in corners]), np.array([high for _, high in corners])
 
 
-def turns(path: Array, tolerance: float = 0.2, degrees: float = 30.0) -> int:
-    """Count the turns of a polyline (N, 2) above some degrees, after simplifying it (Douglas-Peucker, metres)."""
+def turns(path: Array) -> int:
+    """Count the turns of a polyline (N, 2) above 30 degrees, after simplifying it to 0.2 m (Douglas-Peucker)."""
     # Imported here: it loads scipy.signal and scipy.stats, which takes a second.
     from skimage.measure import approximate_polygon
 
     # scikit-image has no types.
-    simple = approximate_polygon(np.asarray(path), tolerance)  # type: ignore[no-untyped-call]
+    simple = approximate_polygon(np.asarray(path), 0.2)  # type: ignore[no-untyped-call]
     segments = np.diff(simple, axis=0)
     bearing = np.arctan2(segments[:, 0], segments[:, 1])
-    return int((np.abs(wrap_angle(np.diff(bearing))) > np.radians(degrees)).sum())
+    return int((np.abs(wrap_angle(np.diff(bearing))) > np.radians(30.0)).sum())

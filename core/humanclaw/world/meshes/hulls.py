@@ -51,14 +51,10 @@ class KeepOutBox:
 
 
 def convex_pieces(
-    mesh: Mesh, pieces: int = PIECES, keep_out: KeepOutBox | None = None, cache: Cache | None = None
+    mesh: Mesh, pieces: int = PIECES, keep_out: KeepOutBox | None = None
 ) -> tuple[NDArray[np.float32], ...]:
-    """Convex hulls of a mesh, each (K, 3) points in metres: one box, or at most `pieces` others.
-
-    With a cache, the same mesh is decomposed once.
-    """
-    cache = cache or Cache("hulls", limit=1 << 28)
-    key = _key(mesh, pieces, keep_out)
+    """Convex hulls of a mesh, each (K, 3) points in metres: one box, or at most `pieces` others."""
+    cache, key = Cache("hulls", limit=1 << 28), _key(mesh, pieces, keep_out)
     if (data := cache.get(key)) is None:
         data = save({str(number): hull for number, hull in enumerate(_decompose(mesh, pieces, keep_out))})
         cache.put(key, data)
@@ -160,11 +156,11 @@ def fills_its_box(points: Array, faces: NDArray[np.int64]) -> bool:
     return all(_depth(spots, axis, far) < (_FILLED if (axis, far) != (1, False) else 0.25) for axis, far in sides)
 
 
-def _depth(spots: Array, axis: int, far: bool, across: int = 16) -> float:
-    """Mean distance from one side of the unit box to the first surface behind it."""
+def _depth(spots: Array, axis: int, far: bool) -> float:
+    """Mean distance from one side of the unit box to the first surface behind it, in 16 by 16 cells."""
     a, b = (axis + 1) % 3, (axis + 2) % 3
-    cell = np.minimum((spots[:, [a, b]] * across).astype(int), across - 1)
-    depth = np.ones((across, across))
+    cell = np.minimum((spots[:, [a, b]] * 16).astype(int), 15)
+    depth = np.ones((16, 16))
     np.minimum.at(depth, (cell[:, 0], cell[:, 1]), 1 - spots[:, axis] if far else spots[:, axis])
     return float(depth.mean())
 

@@ -203,13 +203,13 @@ def _by_geometry(
     return shown | {"base": np.any([without(flawed, flat=True), *shown.values()], axis=0)}
 
 
-def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3) -> Mask:
-    """Return whether spans of the tag cover at least `share` of the future of the chunk at each start (N,)."""
+def covered(clip: Clip, tag: str, starts: NDArray[np.int_]) -> Mask:
+    """Return whether spans of the tag cover at least two thirds of the future of the chunk at each start (N,)."""
     inside = np.zeros(len(clip.motion) + 1)
     for first, last in clip.tagged(tag):
         inside[first + 1 : last + 2] = 1.0
     total = np.cumsum(inside)
-    return np.asarray(total[starts + CHUNK] - total[starts + HISTORY] >= share * FUTURE)
+    return np.asarray(total[starts + CHUNK] - total[starts + HISTORY] >= 2 / 3 * FUTURE)
 
 
 def _less_idle(base: Chunks) -> Chunks:

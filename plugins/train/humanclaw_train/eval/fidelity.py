@@ -159,7 +159,7 @@ def live(
     return look
 
 
-def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
+def baseline(folders: Sequence[Path], command: Command, count: int = 600) -> Ratio | None:
     """Measure the median clip of the verb against commands drawn as in the rollouts. None without a clip.
 
     The clip is the chunk whose parameters are closest to the median magnitudes, a real chunk if there is one. A verb
@@ -172,7 +172,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     spread = np.maximum(magnitudes.std(0), 1e-6)
     far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
     clip = chunks[np.array([int(far.argmin())])]
-    commands = command.draw(count, np.random.default_rng(seed))
+    commands = command.draw(count, np.random.default_rng(0))
     # Magnitudes lose the sign, so put the clip on the commanded side by mirroring.
     side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
     both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
@@ -180,12 +180,12 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: 
     return achieved(command, rollouts)
 
 
-def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, float], times: int = 10) -> float:
-    """Return the least wall time of one chunk of one body, after a first call that reads the adapter."""
+def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, float]) -> float:
+    """Return the least wall time of ten of one chunk of one body, after a first call that reads the adapter."""
     history = generator.start()
     generator.generate(history, adapter, values, (0,))
     taken = []
-    for index in range(times):
+    for index in range(10):
         started = time.perf_counter()
         generator.generate(history, adapter, values, (index,))
         taken.append(1000 * (time.perf_counter() - started))

@@ -20,6 +20,8 @@ from humanclaw_train.markdown import Row
 PRIOR: Final = "(the prior alone)"
 _MOST: Final = 600
 """Largest number of chunks of one kind that a measure uses."""
+_CALLS: Final = 4
+"""Calls of a body that continues itself."""
 
 
 def skills(subject: Subject) -> list[Row]:
@@ -110,9 +112,7 @@ def _asked(command: Command, chunks: Chunks) -> Array:
     return np.clip(values, command.low, command.high) if len(command.low) else values
 
 
-def free_running(
-    generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int, calls: int = 4
-) -> float:
+def free_running(generator: DiTGenerator, command: Command, data: Chunks, features: Features, seed: int) -> float:
     """Return the Frechet distance to real chunks of motion that starts from standing and continues itself.
 
     The model gets only parameters, drawn from those of the chunks. The first call does not count. Windows begin at any
@@ -121,10 +121,10 @@ def free_running(
     some = _some(data, _MOST // 3, seed)
     motions = [generator.start() for _ in range(len(some))]
     random = np.random.default_rng((seed, 8))
-    for call in range(calls):
+    for call in range(_CALLS):
         values = _asked(command, some[random.permutation(len(some))])
         extend(generator, command, motions, np.arange(len(some)), values, (seed, 8, call))
-    starts = random.integers(FUTURE, (calls - 1) * FUTURE + 1, (len(motions), calls - 1)).tolist()
+    starts = random.integers(FUTURE, (_CALLS - 1) * FUTURE + 1, (len(motions), _CALLS - 1)).tolist()
     windows = [motion[at : at + HISTORY + FUTURE] for motion, own in zip(motions, starts, strict=True) for at in own]
     made = canonical(*_arrays(windows))
     return measures.frechet(features(*made), features(*_arrays(data)))

@@ -154,12 +154,12 @@ def _slow(pose: Pose, joint: str) -> NDArray[np.bool_]:
     return _bridged(np.linalg.norm(np.gradient(points, axis=0), axis=-1) * FPS < _CONTACT_SPEED, points)
 
 
-def _bridged(mask: NDArray[np.bool_], points: Array, frames: int = 4, metres: float = 0.02) -> NDArray[np.bool_]:
-    """Fill gaps of the mask that are shorter than any step and in which the point hardly moves."""
+def _bridged(mask: NDArray[np.bool_], points: Array) -> NDArray[np.bool_]:
+    """Fill gaps of the mask shorter than any step, 4 frames, in which the point hardly moves, by less than 2 cm."""
     filled = mask.copy()
     for gap in runs_of(~mask, least=1):
-        inner = gap.start > 0 and gap.stop < len(mask) and gap.stop - gap.start < frames
-        if inner and np.linalg.norm(points[gap.stop] - points[gap.start - 1]) < metres:
+        inner = gap.start > 0 and gap.stop < len(mask) and gap.stop - gap.start < 4
+        if inner and np.linalg.norm(points[gap.stop] - points[gap.start - 1]) < 0.02:
             filled[gap] = True
     return filled
 

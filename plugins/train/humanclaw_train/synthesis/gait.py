@@ -84,10 +84,10 @@ def pinned(values: Array) -> Array:
     return np.asarray(values - values[:, :1] * (1 - ease) - values[:, -1:] * ease)
 
 
-def _curve(points: Array, width: float = 0.07) -> tuple[Array, Array]:
+def _curve(points: Array) -> tuple[Array, Array]:
     """Return straight lines between points (K, 2) with rounded corners, sampled over the phase."""
     at = np.linspace(-1.5, 1.5, 601)  # Beyond [-1, 1), so that smoothing has no edges inside.
-    kernel = np.hanning(max(3, int(width / 0.005)) * 2 + 1)
+    kernel = np.hanning(29)  # Half its width is .07 of the phase.
     values = np.interp(at, points[:, 0], points[:, 1])
     padded = np.pad(values, len(kernel) // 2, mode="edge")
     return at, np.convolve(padded, kernel / kernel.sum(), "valid")

@@ -30,14 +30,14 @@ def foot_orientation(yaw: Array, pitch: Array) -> Array:
     return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
 
 
-def ankle_over(sole: Array, yaw: Array, pitch: Array, blend: float = 0.14) -> Array:
+def ankle_over(sole: Array, yaw: Array, pitch: Array) -> Array:
     """Return the ankle (..., 3) of a foot that rolls on the ground. sole: the point below the ankle of the flat foot.
 
-    A raised heel (pitch > 0) pivots about the toe base, raised toes (pitch < 0) about the heel. Within `blend` radians
+    A raised heel (pitch > 0) pivots about the toe base, raised toes (pitch < 0) about the heel. Within .14 radians
     of flat the two pivots are mixed, so that the ankle's velocity is continuous.
     """
     flat, tilted = foot_orientation(yaw, np.zeros_like(pitch)), foot_orientation(yaw, pitch)
-    weight = smoothstep((pitch / blend + 1) / 2)[..., None]
+    weight = smoothstep((pitch / 0.14 + 1) / 2)[..., None]
     up = np.array([0.0, SOLE, 0.0])
     toe = sole + up + flat @ TOE_BASE - tilted @ TOE_BASE
     heel = sole + up + flat @ HEEL - tilted @ HEEL
@@ -99,12 +99,12 @@ def raise_heels(root: Array, pelvis: Array, feet: Feet, lift: Array) -> Feet:
     return feet.tilted(extra)
 
 
-def ease_ankles(root: Array, pelvis: Array, feet: Feet, yaw: Array, limit: float = 0.52) -> Feet:
-    """Raise heels where a shin leans further over its foot than an ankle bends. yaw: (N, T) of the hips."""
+def ease_ankles(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> Feet:
+    """Raise heels where a shin leans further over its foot than an ankle bends, .52 rad. yaw: (N, T) of the hips."""
     shin = _legs(root, pelvis, feet, yaw)[1]
     up = np.swapaxes(foot_orientation(feet.yaw, feet.pitch), -1, -2) @ shin[..., 1, None]
     lean = np.arctan2(up[..., 2, 0], up[..., 1, 0])
-    return feet.tilted(0.9 * _excess(lean - limit, 0.2))
+    return feet.tilted(0.9 * _excess(lean - 0.52, 0.2))
 
 
 def place_legs(root: Array, pelvis: Array, feet: Feet, yaw: Array) -> dict[str, Array]:
