@@ -190,9 +190,9 @@ def corners(low: Array, high: Array) -> Array:
     return np.where(pick == 1, high, low)
 
 
-def convex(points: Array, tolerance: float = 0.004) -> Array:
-    """Return (K, 3) vertices of the convex hull, thinned where that moves the surface by less than the tolerance."""
-    hull = Manifold.hull_points(np.round(points, 5)).simplify(tolerance)
+def convex(points: Array) -> Array:
+    """Return (K, 3) vertices of the convex hull, thinned where that moves the surface by less than 4 mm."""
+    hull = Manifold.hull_points(np.round(points, 5)).simplify(0.004)
     return np.asarray(hull.to_mesh64().vert_properties[:, :3], float)
 
 

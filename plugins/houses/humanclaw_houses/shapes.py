@@ -177,18 +177,16 @@ def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, cro
     return loft(rings, 16 if large else 12)
 
 
-def pillow(size: Point, at: Point = (0.0, 0.0, 0.0), pinch: float = 0.06, cells: int = 6) -> Shape:
-    """Return a pillow that lies on `at`: two bulging sheets with a seam all around and pointed corners.
-
-    pinch: share by which the seam is drawn in at the middle of each side.
-    """
-    u, v = 2 * _lattice((cells, cells)).T - 1
+def pillow(size: Point) -> Shape:
+    """Return a pillow that lies on the origin: two bulging sheets with a seam all around and pointed corners."""
+    pinch = 0.06  # Share by which the seam is drawn in at the middle of each side.
+    u, v = 2 * _lattice((6, 6)).T - 1
     u, v = np.sin(u * np.pi / 2), np.sin(v * np.pi / 2)
     x = size[0] / 2 * u * (1 - pinch * (1 - v**2))
     z = size[2] / 2 * v * (1 - pinch * (1 - u**2))
     bulge = size[1] / 2 * ((1 - u**2) * (1 - v**2)) ** 0.42
-    faces, uv = _grid_faces(cells + 1, cells + 1), np.stack([x, -z], -1)
-    sheets = [np.stack([x, size[1] / 2 + side * bulge, z], -1) + np.array(at) for side in (1, -1)]
+    faces, uv = _grid_faces(7, 7), np.stack([x, -z], -1)
+    sheets = [np.stack([x, size[1] / 2 + side * bulge, z], -1) for side in (1, -1)]
     return Shape((Chart(sheets[0], faces[:, ::-1], uv), Chart(sheets[1], faces, uv)))
 
 

@@ -74,10 +74,10 @@ def pastel(texture: Texture) -> Texture:
     return replace(texture, pixels=np.asarray(np.clip(np.round(picture), 0, 255), np.uint8))
 
 
-def wood(colour: Colour, rng: np.random.Generator, contrast: float = 0.09) -> Texture:
+def wood(colour: Colour, rng: np.random.Generator) -> Texture:
     """Grain along the texture: long streaks, a little fine fibre, and slow changes of tone."""
     field = 0.6 * _noise(rng, (24, 2)) + 0.25 * _noise(rng, (8, 1)) + 0.5 * _noise(rng, (32, 8))
-    return Texture(_shade(colour, contrast * field), metres=0.8, grain=True)
+    return Texture(_shade(colour, 0.09 * field), metres=0.8, grain=True)
 
 
 def cloth(colour: Colour, rng: np.random.Generator, contrast: float = 0.045) -> Texture:
@@ -109,26 +109,25 @@ def _grade(picture: NDArray[np.floating], field: Field) -> Pixels:
     return np.asarray(np.clip(np.round(picture * (1.0 + field[..., None])), 0, 255), np.uint8)
 
 
-def ceramic(colour: Colour, rng: np.random.Generator, across: int = 4, metres: float = 1.2) -> Texture:
+def ceramic(colour: Colour, rng: np.random.Generator, across: int = 4) -> Texture:
     """Square tiles with joints, each in its own shade."""
     size = 128
     cell = size // across
     shade = np.kron(0.02 * rng.standard_normal((across, across)), np.ones((cell, cell)))
     row = np.arange(size) % cell == 0
     joint = row[:, None] | row[None, :]
-    return Texture(_shade(colour, np.where(joint, -0.16, shade)), metres=metres)
+    return Texture(_shade(colour, np.where(joint, -0.16, shade)), metres=1.2)
 
 
-def planks(colour: Colour, rng: np.random.Generator, boards: int = 8, metres: float = 1.2) -> Texture:
-    """Floor boards, each with its own tone and its own end joint."""
-    size = 128
-    width = size // boards
+def planks(colour: Colour, rng: np.random.Generator) -> Texture:
+    """Eight floor boards, each with its own tone and its own end joint."""
+    size, boards, width = 128, 8, 16
     tone = np.repeat(0.05 * rng.standard_normal(boards), width)[None, :] * np.ones((size, 1))
     field = tone + 0.035 * _noise(rng, (32, 2), size)
     field[:, np.arange(size) % width == 0] = -0.2
     for board, row in enumerate(rng.integers(0, size, boards)):
         field[row, board * width : (board + 1) * width] = -0.2
-    return Texture(_shade(colour, field), metres=metres)
+    return Texture(_shade(colour, field), metres=1.2)
 
 
 def carpet(colour: Colour, rng: np.random.Generator) -> Texture:
