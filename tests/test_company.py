@@ -187,6 +187,12 @@ def test_one_of_two_cannot_begin_elsewhere_alone():
         two.play([lambda body: body.reset(fake_scene()), feedbacks("bow")])
 
 
+def test_one_start_given_to_both_episodes_is_told_from_the_bodys_own():
+    spec = free_episode("bow", fake_scene()).model_copy(update={"start": NEAR})
+    with company() as two, pytest.raises(HumanclawError, match=r"\(x 0.00, z 0.00\).*spec.start=body.start"):
+        two.play([lambda body: run_episode(body, spec, ScriptedAgent([Call("finish")]))] * 2)
+
+
 def test_one_speech_is_heard_in_half_a_second_and_the_speaker_told():
     with company() as two:
         told, heard = two.play([feedbacks("greet", "greet", "bow", "greet"), feedbacks("bow", "bow")])

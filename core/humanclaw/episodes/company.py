@@ -297,8 +297,10 @@ class _World:
             return self._executed(motions)
         starts = [act for _, act in sorted(acts.items()) if isinstance(act, tuple)]
         if len(starts) < self._count or len({scene.digest for scene, _ in starts}) > 1:
+            places = ", ".join(f"{scene.name} (x {start.x:.2f}, z {start.z:.2f})" for scene, start in starts)
             raise HumanclawError(
-                f"{len(starts)} of {self._count} bodies of a company begin in one scene.", "Let all begin together."
+                f"{len(starts)} of {self._count} bodies of a company begin; all do at once, in one scene: {places}.",
+                "Let all begin together; an episode begins where its body stands already with spec.start=body.start.",
             )
         self._scene, self.said = starts[0][0], {}
         return dict(enumerate(self._simulator.reset_all(self._scene, [start for _, start in starts])))

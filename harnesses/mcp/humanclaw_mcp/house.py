@@ -33,8 +33,9 @@ class House:
             if not fitting:
                 fault = f"body {asked[:20]!r} of {self.settings.company} is not free" if asked else "no body is free"
                 others = f"Ask for {' or '.join(map(str, free))}, or" if free else "Try again"
+                wait = f"at the latest {self.settings.idle:g} s after its last call"
                 raise HumanclawError(
-                    f"{fault} in this house.", f"{others} once its session has ended: then you go on with it."
+                    f"{fault} in this house.", f"{others} once its session has ended, {wait}: then you go on with it."
                 )
             self._taken.add(fitting[0])
             if self._company:

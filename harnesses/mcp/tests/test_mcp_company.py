@@ -51,6 +51,7 @@ async def test_the_second_who_asks_for_a_body_is_told_what_is_free(house):
                 refused = await client.call_tool("look", {})
                 assert refused.is_error
                 assert words(refused).startswith(f"body '{number}' of 2 is not free in this house. Ask for 1, or once")
+                assert "at the latest 900 s after its last call" in words(refused)
         assert "begins anew once all" in words(await one.call_tool("reset", {}))
     async with Client(f"{house}?body=2") as later:
         assert not (await later.call_tool("look", {})).is_error
