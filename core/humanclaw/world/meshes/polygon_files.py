@@ -163,7 +163,7 @@ def _names(rows: Rows) -> set[str]:
 def off_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
     """Yield the triangles of an OFF file, whose colours and normals are left out. lost: counts what else is."""
     text = "\n".join(line.partition("#")[0] for line in text_of(data).split("\n"))
-    head, *rows = [*filter(str.strip, re.sub(r"^\s*(ST)?C?N?OFF", "", text).split("\n")), ""][:-1] or [""]
+    head, *rows = [*filter(str.strip, re.sub(r"^\s*(ST)?C?N?OFF", "", text).split("\n"))] or [""]
     if not re.match(r"\s*\d+\s+\d+", head):
         raise ValueError(f"it must be an OFF file in text with its counts; it begins with {head[:20]!r}")
     vertices, count = map(int, head.split()[:2])
