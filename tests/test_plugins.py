@@ -1,6 +1,8 @@
 """The plugin host: what is broken is named and disabled, what is ambiguous is refused, what is misspelt is guessed."""
 
 import importlib.metadata
+import os
+import subprocess
 import sys
 import types
 from dataclasses import replace
@@ -426,6 +428,16 @@ def test_a_distribution_with_unreadable_metadata_is_named(site, file, content, c
     assert "acme_odd-1.0.dist-info cannot be read: " in plugins.info("acme-odd").error
     assert CliRunner().invoke(build(Modules), ["--help"]).exit_code == 0
     assert "plugin 'acme-odd' is left out: " in caplog.text
+
+
+@pytest.mark.integration
+def test_pydantic_does_not_end_a_command_at_entry_points_in_utf16(site):
+    write_distribution(site, "acme-odd", "hc_odd", "")
+    (site / "acme_odd-1.0.dist-info" / "entry_points.txt").write_text("[humanclaw]\nhc_odd = hc_odd\n", "utf-16")
+    path = os.pathsep.join([str(site), *sys.path])
+    asked = [sys.executable, "-m", "humanclaw", "play", "--help"]
+    told = subprocess.run(asked, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
+    assert (told.returncode, "plugin 'acme-odd' is left out" in told.stderr) == (0, True)
 
 
 @pytest.mark.parametrize("value", ["", "hc/odd"])

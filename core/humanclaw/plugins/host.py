@@ -14,6 +14,7 @@ import importlib.metadata
 import importlib.util
 import inspect
 import logging
+import os
 import re
 import sys
 import warnings
@@ -599,6 +600,8 @@ class Modules:
         for info, points in installed():
             if info.error:
                 _LOG.warning("plugin %r is left out: %s", info.name, info.error)
+                # Pydantic looks for plugins of its own among the same entry points, and fails at what it cannot read.
+                os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
             for point in points:
                 try:
                     with redirect_stdout(sys.stderr):
