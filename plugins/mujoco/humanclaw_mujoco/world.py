@@ -29,10 +29,6 @@ _LIMIT: Final = int(mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 """As a number: comparing an array with MuJoCo's own enumeration takes a Python call for each element."""
 _FASTEST: Final = 50.0
 """Speed of an object along each axis, m/s and rad/s, that contacts may cause."""
-_DEEP: Final = 0.001
-"""Objects that are placed deeper in one another than this are pushed apart before time begins, metres."""
-_PARTINGS: Final = 300
-"""Most steps of that: each parts a pair by 4 mm at most, in sum 1.2 m."""
 _XYZW: Final = [1, 2, 3, 0]
 _WXYZ: Final = [3, 0, 1, 2]
 """Orders of a quaternion's numbers: ours has the scalar last, MuJoCo's first."""
@@ -48,7 +44,7 @@ class MujocoWorld:
         self._number, self._body = 0, model.bodies[0]
         self._passing: dict[int, frozenset[tuple[int, int]]] = {}
         """Links and objects that pass each other, by the number of the body."""
-        self._sleep, self._apart = Sleep(model), False
+        self._sleep = Sleep(model)
         trees = [(np.arange(body.root_dof, body.root_dof + 6), body.spins.ravel()) for body in model.bodies]
         self._tree = np.concatenate([part for tree in trees for part in tree])
         self._falls = np.where(np.isin(self._tree, [body.root_dof + 1 for body in model.bodies]), -profile.gravity, 0.0)
@@ -95,8 +91,6 @@ class MujocoWorld:
 
     # -- time ----------------------------------------------------------------------------------------------------------
     def step(self, seconds: float) -> Sequence[Touch]:
-        if not self._apart:
-            self._come_apart(seconds)
         d = self._d
         geoms, gaps = self._collide()
         self._harden(geoms, gaps, seconds)
@@ -107,23 +101,6 @@ class MujocoWorld:
         # A cup that a foot crushes against a wall would gain speed without end.
         d.qvel[self._loose] = np.clip(d.qvel[self._loose], -_FASTEST, _FASTEST)
         return touches
-
-    def _come_apart(self, seconds: float) -> None:
-        """Push objects that are placed in one another apart, as if time stood still: none gains speed, and none falls.
-
-        Speeds add up in a row: of sixteen books, each 2 mm inside the next, the last one would fly off its shelf.
-        """
-        gravity = self._m.opt.gravity
-        self._apart, fall, gravity[:] = True, gravity.copy(), 0.0
-        for _ in range(_PARTINGS):
-            geoms, gaps = self._collide()
-            if not ((gaps < -_DEEP) & (self._model.joint_of[geoms].max(axis=1) < 0)).any():
-                break
-            self._harden(geoms, gaps, seconds)
-            self._push(geoms, seconds)
-            mj.mj_Euler(self._m, self._d)
-            self._d.qvel[:] = 0.0
-        gravity[:] = fall
 
     def _push(self, geoms: NDArray[np.int32], seconds: float) -> None:
         """Find the forces and accelerations: the stages of mj_step one by one, since some are changed in between."""
@@ -259,7 +236,6 @@ class MujocoWorld:
             self._passing[self._number] = pairs
 
     def settled(self) -> None:
-        self._apart = True
         self._sleep.lull(self._d)
 
     def close(self) -> None:
