@@ -91,21 +91,12 @@ class MujocoWorld:
 
     # -- time ----------------------------------------------------------------------------------------------------------
     def step(self, seconds: float) -> Sequence[Touch]:
-        d = self._d
+        m, d = self._m, self._d
+        m.opt.timestep = seconds
+        # The stages of mj_step one by one, because contacts and accelerations are changed in between.
         geoms, gaps = self._collide()
         self._harden(geoms, gaps, seconds)
         self._sleep.arrange(d, geoms, gaps)
-        self._push(geoms, seconds)
-        touches = self._touches(geoms, gaps)
-        mj.mj_Euler(self._m, d)
-        # A cup that a foot crushes against a wall would gain speed without end.
-        d.qvel[self._loose] = np.clip(d.qvel[self._loose], -_FASTEST, _FASTEST)
-        return touches
-
-    def _push(self, geoms: NDArray[np.int32], seconds: float) -> None:
-        """Find the forces and accelerations: the stages of mj_step one by one, since some are changed in between."""
-        m, d = self._m, self._d
-        m.opt.timestep = seconds
         mj.mj_makeConstraint(m, d)
         # The margin only activates a hinge's limit early; with it MuJoCo would stop the hinge that far before it.
         d.efc_margin[d.efc_type == _LIMIT] = 0.0
@@ -118,6 +109,11 @@ class MujocoWorld:
         mj.mj_fwdAcceleration(m, d)
         self._let_fall()
         mj.mj_fwdConstraint(m, d)
+        touches = self._touches(geoms, gaps)
+        mj.mj_Euler(m, d)
+        # A cup that a foot crushes against a wall would gain speed without end.
+        d.qvel[self._loose] = np.clip(d.qvel[self._loose], -_FASTEST, _FASTEST)
+        return touches
 
     def overlaps(self) -> Sequence[Touch]:
         geoms, gaps = self._collide()
