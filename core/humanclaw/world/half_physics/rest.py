@@ -28,10 +28,11 @@ _LAST: Final = 3
 _STILL: Final = 0.1, 0.001
 """An object lies still if it is slower than this, m/s and rad/s, and strays less than this in the last frames, metres.
 One that topples is slow for a while, and one that rises is slow before it falls: they stray."""
-_OPENINGS: Final = 6
-"""Most worlds in which they do, one after the other."""
 _PARTINGS: Final = 50
-"""Most steps in one world in which objects come apart: after 60 without speed an engine lets them sleep."""
+"""Most steps in one world in which objects that are placed in one another come apart: after 60 without speed an engine
+lets them sleep."""
+_OPENINGS: Final = 6
+"""Most such worlds, one after the other."""
 _APART: Final = 0.0002
 """They are apart if none moves further in a step, metres: an engine may push by less than a tenth of the depth."""
 _WAYS_IN: Final = 3
@@ -78,12 +79,11 @@ def _alone(
 ) -> tuple[Array, Array]:
     """Return where the objects begin, and what _settled returns. elsewhere: those that begin where no scene says."""
     seconds = 1 / (FPS * profile.substeps)
-    with _opened(open_world, scene, replace(profile, gravity=0.0), elsewhere) as world:
-        placed = _motions(world, movable)
-    apart = dict[int, ObjectMotion]()
+    apart, begun = dict[int, ObjectMotion](), list[Array]()
     for _ in range(_OPENINGS):
         with _opened(open_world, scene, replace(profile, gravity=0.0), {**elsewhere, **apart}) as world:
-            more = _come_apart(world, movable, _motions(world, movable), seconds)
+            begun.append(_motions(world, movable))
+            more = _come_apart(world, movable, begun[-1], seconds)
         apart.update(more)
         if not more:
             break
@@ -97,7 +97,7 @@ def _alone(
         before, motions = after(_FRAMES - _LAST), after(_LAST)
         speed, way = (np.abs(part).max(axis=1) for part in (motions[:, 7:], (motions - before)[:, :3]))
         motions[(speed < _STILL[0]) & (way < _STILL[1]), 7:] = 0.0
-        return placed, motions
+        return begun[0], motions
 
 
 def _come_apart(world: World, movable: list[int], placed: Array, seconds: float) -> Mapping[int, ObjectMotion]:
