@@ -94,7 +94,7 @@ class Fixture:
 
     def _planned(self, command: Command) -> tuple[Skill, Control]:
         skill = find_suited(self.plugins.skills.values(), *command, role="sit" if HEIGHT in command else "locomotion")
-        plan = skill.plan(skill.check(skill.commanding(command)))
+        plan = skill.plan(skill.check(skill.call(command).params))
         if not isinstance(plan, Control):
             raise HumanclawError(f"the checks need generated motion, and skill {skill.name} plays keyframes.")
         return skill, plan

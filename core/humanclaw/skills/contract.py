@@ -80,10 +80,10 @@ class Skill:
         """Return the parameter that commands a measure, or None."""
         return next((parameter for parameter in self.parameters if parameter.measure == measure), None)
 
-    def commanding(self, amounts: Mapping[str, float], side: str = "") -> dict[str, Any]:
-        """Return the parameters that command amounts of measures (SI), and 0 of all other measures.
+    def call(self, amounts: Mapping[str, float], side: str = "") -> Call:
+        """Return the call that commands amounts of measures (SI), and 0 of all other measures.
 
-        Each is rounded to the unit of its parameter and clipped to its bounds. side: which hand, where one is named.
+        Each parameter is rounded to its unit and clipped to its bounds. side: which hand, where one is named.
         """
         params: dict[str, Any] = {}
         for part in self.parameters:
@@ -92,11 +92,8 @@ class Skill:
                 low, amount, high = (round(from_si(part.key, value)) for value in values)
                 params[part.key] = min(max(amount, low), high)
         words = self.schema.get("properties", {}).items() if side else ()
-        return params | {key: side for key, part in words if {"left", "right"} == set(part.get("enum", ()))}
-
-    def call(self, amounts: Mapping[str, float], side: str = "") -> Call:
-        """Return the call with the parameters of commanding()."""
-        return Call(self.name, self.commanding(amounts, side))
+        params |= {key: side for key, part in words if {"left", "right"} == set(part.get("enum", ()))}
+        return Call(self.name, params)
 
     @property
     def climbs(self) -> bool:

@@ -39,6 +39,10 @@ class _Field(NamedTuple):
     """Kind of the number before the values of a list; None for a single value."""
 
 
+_Element = tuple[str, int, list[_Field]]
+"""Name, number of rows and properties of an element."""
+
+
 # -- PLY ---------------------------------------------------------------------------------------------------------------
 def ply_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
     """Yield the triangles of a PLY file. beside: reads a file that it names. lost: counts what is left out."""
@@ -77,21 +81,9 @@ def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
     written = next((words[1] for words in lines if words[:1] == ["format"] and words[1:]), "")
     if written not in _FORMATS:
         raise SceneError(f"its format must be {', '.join(_FORMATS)}, not {written!r}.", "Export it again.")
-    order, body = ">" if written == "binary_big_endian" else "<", data[head.end() :]
-    listed: list[tuple[str, int, list[_Field]]] = []
-    for words in lines:
-        try:
-            if words[:1] == ["element"]:
-                listed.append((words[1], len(range(int(words[2]))), []))
-            elif words[:1] == ["property"]:
-                *kinds, name = words[1:]
-                *length, kind = [
-                    np.dtype("<f8" if written == "ascii" else order + _KINDS[k]) for k in kinds if k != "list"
-                ]
-                listed[-1][2].append(_Field(name, kind, length[0] if length else None))
-        except (IndexError, KeyError, ValueError) as error:
-            raise wrong_line(" ".join(words), "an element with its count, or a property with its type") from error
-    if written == "ascii":
+    order = {"ascii": "", "binary_big_endian": ">"}.get(written, "<")
+    listed, body = _listed(lines, order), data[head.end() :]
+    if not order:
         body = _packed(body, listed)
     elements, at = defaultdict[str, list[Rows]](list), 0
     for name, count, fields in listed:
@@ -99,7 +91,23 @@ def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
     return elements, next((" ".join(words[2:]) for words in lines if words[:2] == ["comment", "TextureFile"]), "")
 
 
-def _packed(text: bytes, listed: Iterable[tuple[str, int, Sequence[_Field]]]) -> bytes:
+def _listed(lines: Iterable[Sequence[str]], order: str) -> list[_Element]:
+    """Return what the lines of a header say of the elements. order: of bytes; empty for numbers in text."""
+    listed: list[_Element] = []
+    for words in lines:
+        try:
+            if words[:1] == ["element"]:
+                listed.append((words[1], len(range(int(words[2]))), []))
+            elif words[:1] == ["property"]:
+                *kinds, name = words[1:]
+                *length, kind = [np.dtype(order + _KINDS[k] if order else "<f8") for k in kinds if k != "list"]
+                listed[-1][2].append(_Field(name, kind, length[0] if length else None))
+        except (IndexError, KeyError, ValueError) as error:
+            raise wrong_line(" ".join(words), "an element with its count, or a property with its type") from error
+    return listed
+
+
+def _packed(text: bytes, listed: Iterable[_Element]) -> bytes:
     """Return numbers in text as bytes: of each line as many as its element has, since some programs write more."""
     lines = filter(bytes.strip, text.splitlines())
     return b"".join(_packed_row(line, fields) for _, count, fields in listed for line in islice(lines, count))
