@@ -181,9 +181,22 @@ def test_no_name_of_a_distribution_puts_it_before_our_own_skills(site):
     assert Plugins.discover(choice=Choice(skills=("aa-stroll:walk",))).owner("walk") == "aa-stroll"
 
 
-def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
-    plugins = host_of("twice", skills=[wave, replace(shrug, name="wave")])
-    assert plugins.skill("wave") is wave
+def test_a_plugin_may_register_one_skill_twice_but_not_two_of_a_name():
+    assert host_of("again", skills=[wave, wave]).skill("wave") is wave
+    with pytest.raises(PluginError, match=r"'twice' registers two skills named 'wave'\. Rename one of them\."):
+        host_of("twice", skills=[wave, replace(shrug, name="wave")])
+
+
+def test_two_functions_of_one_name_in_a_plugin_are_named_with_lines():
+    def first(episode): ...
+    def other(episode): ...  # fmt: skip
+
+    line = first.__code__.co_firstlineno
+    with pytest.raises(PluginError) as refused:
+        host_of("twice", agents=[("quiet", first), ("quiet", other)])
+    assert "two agents named 'quiet'" in str(refused.value)
+    for name, number in (("first", line), ("other", line + 1)):
+        assert f"{name} ({__file__}, line {number})" in str(refused.value)
 
 
 def test_an_observer_of_a_plugin_that_fails_hears_nothing():

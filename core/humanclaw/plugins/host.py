@@ -489,8 +489,8 @@ class _Gathered:
     """Skills that break the contract, by name, with the reason."""
 
     def register(self, kind: str, named: Any, value: Any = None, description: str = "") -> None:
-        """Take name, value and description, or one value that has a name and a description itself. Of a name that a
-        plugin registers twice the first counts."""
+        """Take name, value and description, or one value that has a name and a description itself. Raises PluginError
+        for another value of a name that the plugin has registered."""
         if value is None:
             value = self._skill(named) if kind == "skills" else named
             if value is None:
@@ -500,10 +500,15 @@ class _Gathered:
             message = f"{named!r} is not a valid name for a {noun(kind)}."
             raise PluginError(message, f"Use a name that matches {_NAME.pattern}.")
         item, kept = Registration(named, self.owner, value, description), self.items.setdefault(kind, [])
+        other = next((other for other in kept if other.name == named), None)
         if self.choice.drops(item, kind):
             self.unused.append(item)
-        elif all(item.name != other.name for other in kept):
+        elif other is None:
             kept.append(item)
+        elif other.value is not value:
+            places = " and ".join(filter(None, map(_written, (other.value, value))))
+            message = f"plugin {self.owner!r} registers two {noun(kind)}s named {named!r}"
+            raise PluginError(f"{message}{': ' * bool(places)}{places}.", "Rename one of them.")
 
     def _skill(self, given: object) -> Skill | None:
         """Return the skill, or None for a folder that cannot be read: the plugin's other skills stay in use."""
@@ -532,6 +537,12 @@ class _Gathered:
             if faults := skill_faults(item.value, measures, priors):
                 self._disable(item.name, item.value, " ".join(map(str, faults)))
                 self.items["skills"].remove(item)
+
+
+def _written(value: Any) -> str:
+    """Return the function that a value is or wraps, with its file and line; empty if it is none."""
+    code = getattr(inspect.unwrap(value), "__code__", None)
+    return f"{code.co_qualname} ({code.co_filename}, line {code.co_firstlineno})" if code else ""
 
 
 # -- modules of plugins ------------------------------------------------------------------------------------------------

@@ -23,6 +23,11 @@ class Task:
     episodes: tuple[EpisodeSpec, ...]
     success: Success
 
+    @property
+    def __wrapped__(self) -> Success:
+        """The function, for `inspect`: where it is written, and what it takes."""
+        return self.success
+
     def __call__(self, episode: RecordedEpisode) -> bool:
         import numpy as np  # Here: lists of commands load this file.
 

@@ -215,6 +215,14 @@ def test_a_task_of_anything_but_episodes_is_refused(given):
         task(given)
 
 
+def test_two_tasks_of_one_name_in_a_file_are_refused_with_their_lines(file):
+    start, hook, end = FILE.replace("BODY", "True").partition("@hookimpl")
+    more = "first = stopped_ahead\n@task()\ndef stopped_ahead(episode): ...\n"
+    file.write_text(start + more + hook + end + "    register(first)\n")
+    with pytest.raises(HumanclawError, match=r"two splits named 'stopped_ahead': .* line 17\) and .* line 6\)"):
+        Plugins.discover([file])
+
+
 def test_a_task_named_like_a_shipped_split_is_refused(file):
     file.write_text(FILE.replace("BODY", "True").replace("stopped_ahead", "smoke"))
     with pytest.raises(HumanclawError, match="has the name of the split smoke"):
