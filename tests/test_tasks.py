@@ -82,6 +82,20 @@ def test_targets_left_out_are_all_of_the_category(asked):
     assert (found.target_category, found.target_ids, found.interact) == ("couch", (20,), not asked)
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"instruction": "Stand up from the bed and watch the news."},
+        {"instruction": "Take the screen, not the bed."},
+        {"instruction": "Find a seat.", "target_category": "couch"},
+        {"instruction": "The bed is too hard; find the news.", "target_ids": (21,)},
+    ],
+)
+def test_words_that_may_mean_the_category_do_not_contradict_it(fields):
+    spec = EpisodeSpec(**{"id": "mine", "scene": "test:rooms", "target_category": "tv"} | fields)
+    assert targeted(spec, rooms.two_rooms()).target_category == spec.target_category
+
+
 def test_a_category_may_have_blanks():
     scene = rooms.two_rooms()
     plant = replace(scene.objects[0], category="potted_plant")
@@ -95,6 +109,10 @@ def test_a_category_may_have_blanks():
         ({"instruction": "find the tv", "target_ids": (20,)}, "names a tv; its target 20 is a couch.*target_category"),
         ({"target_category": "tv", "target_ids": (20,)}, "names a tv; its target 20 is a couch.*target_category"),
         ({"target_category": "tv", "interact": True}, "asks to sit on a tv.*Leave out interact"),
+        (
+            {"instruction": "sit on the bed", "target_category": "tv"},
+            "asks for a bed in 'sit on the bed'; its target_category is 'tv'.*Mend one of them, or list .* target_ids",
+        ),
         ({"target_ids": (99999,)}, "test:rooms has no object 99999, a target of episode 'mine'.*Leave out target_ids"),
     ],
 )

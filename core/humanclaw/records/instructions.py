@@ -93,7 +93,8 @@ def targeted(spec: EpisodeSpec, scene: Scene) -> EpisodeSpec:
     words, and without ids all objects of that category.
 
     An episode with a goal or a partner, or whose words name nothing, is returned as it is. Raises SceneError for ids
-    and categories that the scene lacks, ids of something else than is named, and things to sit on that are no seats.
+    and categories that the scene lacks, for ids or words of something else than the category, and for things to sit on
+    that are no seats.
     """
     require_objects(spec, scene)
     owned = [scene.by_id[key].category for key in spec.target_ids[:1]]
@@ -107,6 +108,7 @@ def targeted(spec: EpisodeSpec, scene: Scene) -> EpisodeSpec:
         raise SceneError(f"episode {spec.id!r} looks for a {asked}; {scene.name} has none.", f"Choose from: {here}.")
     category = objects[0].category
     _require_agreement(spec, named, scene)
+    _require_words_of(spec, asked)
     told = spec.target_category or "interact" in spec.model_fields_set
     sits = spec.interact if told else category in SEATS and wants_to_sit(spec.instruction)
     found = spec.target_ids or tuple(obj.id for obj in objects)
@@ -124,6 +126,16 @@ def _require_agreement(spec: EpisodeSpec, named: str, scene: Scene) -> None:
             category = scene.by_id[key].category
             message = f"episode {spec.id!r} names a {named}; its target {key} is a {category}."
             raise SceneError(message, "Mend target_ids, or say in target_category what they are.")
+
+
+def _require_words_of(spec: EpisodeSpec, asked: str) -> None:
+    """Raise SceneError if the words name another category and not this one, unless ids settle what is meant."""
+    words, meant = spec.instruction.lower(), category_of(asked) or asked
+    named = category_of(_LANDMARK.sub(" ", re.sub(r"\bseats?\b", " ", words)))  # A couch is a seat too.
+    spoken = any(alias in words for alias in ALIASES.get(meant, (meant.replace("_", " "),)))
+    if named and named != meant and not (spoken or spec.target_ids):
+        message = f"episode {spec.id!r} asks for a {named} in {spec.instruction!r}; its target_category is {asked!r}."
+        raise SceneError(message, "Mend one of them, or list the targets in target_ids: they decide.")
 
 
 def require_objects(spec: EpisodeSpec, scene: Scene) -> None:
