@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from inspect import getdoc
+from inspect import getdoc, isfunction, signature
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
@@ -41,16 +42,23 @@ def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:
     """Make a function decide the success of these episodes. Register the result in the hook humanclaw_splits.
 
     The function gets the record of a finished episode and returns whether it succeeded. `--split` takes its name; the
-    first line of its docstring explains a failure. Raises PluginError for anything but EpisodeSpecs.
+    first line of its docstring explains a failure. Raises PluginError for anything but EpisodeSpecs, and for a function
+    that cannot be called with one argument.
     """
     from humanclaw import EpisodeSpec, PluginError  # Here: lists of commands load this file.
 
     for spec in episodes:
         if not isinstance(spec, EpisodeSpec):
-            remedy = "Write @task(EpisodeSpec(id=..., instruction=..., scene=...))."
-            raise PluginError(f"@task takes EpisodeSpecs; got {spec!r}.", remedy)
+            got = "stands without parentheses" if isfunction(spec) else f"takes EpisodeSpecs; got {reprlib.repr(spec)}"
+            remedy = "Write @task(EpisodeSpec(id=..., instruction=..., scene=...)), or @task(*episodes) for a list."
+            raise PluginError(f"@task {got}.", remedy)
 
     def made(success: Success) -> Task:
+        try:
+            signature(success).bind(None)
+        except TypeError as error:
+            message = f"a success function takes one argument, the episode; {success.__name__} does not: {error}."
+            raise PluginError(message, f"Write def {success.__name__}(episode: RecordedEpisode) -> bool.") from None
         name, (about, _, _) = success.__name__, (getdoc(success) or "").partition("\n")
         return Task(name, about, tuple(spec.model_copy(update={"success": name}) for spec in episodes), success)
 

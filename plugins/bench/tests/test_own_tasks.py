@@ -209,10 +209,22 @@ def test_a_function_that_never_returns_ends_the_table(run, file, monkeypatch):
     assert "it did not return within 0.3 s. Mend it, then score the run again." in str(refused)
 
 
-@pytest.mark.parametrize("given", ["Walk.", lambda episode: True])
-def test_a_task_of_anything_but_episodes_is_refused(given):
-    with pytest.raises(HumanclawError, match=r"@task takes EpisodeSpecs; got .*Write @task\(EpisodeSpec"):
+@pytest.mark.parametrize(
+    ("given", "told"), [("Walk.", "takes EpisodeSpecs; got 'Walk.'"), (lambda episode: True, "stands without parenth")]
+)
+def test_a_task_of_anything_but_episodes_is_refused(given, told):
+    with pytest.raises(HumanclawError, match=rf"@task {told}.*Write @task\(EpisodeSpec"):
         task(given)
+
+
+@pytest.mark.parametrize("arguments", ["", "self, episode"])
+def test_a_function_that_takes_not_one_argument_is_refused(file, arguments):
+    file.write_text(FILE.replace("ahead(episode)", f"ahead({arguments})"))
+    with pytest.raises(
+        HumanclawError, match=r"mine.py, line 6: .* takes one argument, the episode; stopped_ahead"
+    ) as no:
+        Plugins.discover([file])
+    assert no.value.remedy == "Write def stopped_ahead(episode: RecordedEpisode) -> bool."
 
 
 def test_two_tasks_of_one_name_in_a_file_are_refused_with_their_lines(file):
