@@ -83,11 +83,21 @@ UNSPEAKABLE = "class Odd(Exception):\n    def __str__(self):\n        raise Syst
 
 @pytest.mark.parametrize(
     ("code", "told"),
-    [("1 / 0", "ZeroDivisionError"), ("raise SystemExit(3)", "SystemExit: 3"), (UNSPEAKABLE, r"Odd\.")],
+    [
+        ("\n1 / 0", ", line 2 failed to load: ZeroDivisionError"),
+        ("raise SystemExit(3)", ", line 1 failed to load: SystemExit: 3"),
+        (UNSPEAKABLE, r", line 6 failed to load: Odd\."),
+        ("1 +", r" failed to load: SyntaxError: .*line 1"),
+        ("import humanclaw as h\nh.Choice(1)\nh.skill([])(print)", r", line 3: argument 'args' of skill 'print' is"),
+        (
+            "from humanclaw import EpisodeSpec\nEpisodeSpec(max_step=2, id='a', instruction='b', scene='c')",
+            r", line 2 failed to load: EpisodeSpec: max_step: there is no such field \(Did you mean max_steps\?\)\.",
+        ),
+    ],
 )
 def test_a_plugin_file_that_fails_names_itself_and_takes_nobody_along(tmp_path, code, told):
     (tmp_path / "bad.py").write_text(code)
-    with pytest.raises(PluginError, match=rf"bad\.py failed to load: {told}"):
+    with pytest.raises(PluginError, match=rf"plugin file .*bad\.py{told}"):
         Plugins.discover([tmp_path / "bad.py"])
 
 

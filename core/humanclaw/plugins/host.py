@@ -25,6 +25,7 @@ from difflib import get_close_matches
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from traceback import walk_tb
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -36,6 +37,7 @@ from humanclaw.errors import ANSWERING, FactoryError, HumanclawError, PluginErro
 from humanclaw.plugins import distributions, hookspecs
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner, means
 from humanclaw.plugins.hookspecs import noun
+from humanclaw.text.json import first_fault
 from humanclaw.text.words import did_you_mean, nearest
 
 if TYPE_CHECKING:
@@ -174,7 +176,7 @@ class Plugins:
                 self._manager.unregister(plugin)
             if isinstance(error, PluginError | KeyboardInterrupt):
                 raise
-            raise PluginError(f"plugin {name!r} cannot be used: {in_words(error)}.") from error
+            raise PluginError(f"plugin {name!r} cannot be used: {_reason(error)}.") from error
         self._leading |= {name} if first else set()
         for kind, items in gathered.items.items():
             self._items[kind] = sorted([*self._items[kind], *items], key=self._place)
@@ -677,9 +679,31 @@ def load_file(path: Path) -> ModuleType:
     except BaseException as error:
         if path.is_dir():
             sys.modules.pop(name, None)
-        problem = f"plugin file {path} failed to load: {in_words(error).rstrip('.')}."
-        raise PluginError(problem, f"Run `python {path}` to see where, and mend it.") from error
+        raise _unloadable(path, file, error) from error
     return module
+
+
+def _unloadable(path: Path, file: Path, error: BaseException) -> PluginError:
+    """Return why a plugin file failed to load, and the line."""
+    written = str(file.absolute())
+    lines = [line for frame, line in walk_tb(error.__traceback__) if frame.f_code.co_filename == written]
+    where = f"plugin file {path}, line {lines[-1]}" if lines else f"plugin file {path}"
+    if isinstance(error, HumanclawError):
+        return PluginError(f"{where}: {error.message}", error.remedy)
+    remedy = f"Run `python {path}` to see the whole traceback, and mend it."
+    return PluginError(f"{where} failed to load: {_reason(error)}.", remedy)
+
+
+def _reason(error: BaseException) -> str:
+    """Return type and message of an error; of a record's the first field that is wrong, with the nearest name."""
+    from pydantic import ValidationError
+
+    from humanclaw.records import specification
+
+    if not isinstance(error, ValidationError):
+        return in_words(error).rstrip(".")
+    model = getattr(specification, error.title, None)
+    return f"{error.title}: {first_fault(error, getattr(model, 'model_fields', ()))}"
 
 
 def package_in(path: Path) -> Path:

@@ -45,8 +45,9 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
         spec = EpisodeSpec.model_validate_json(line)
         json.loads(line, object_pairs_hook=once)
     except ValidationError as error:
-        remedy = f"A line is a JSON object with {', '.join(EpisodeSpec.model_fields)}: see docs/records.md."
-        raise HumanclawError(f"{where} is not an episode: {first_fault(error)}.", remedy) from error
+        fields = EpisodeSpec.model_fields
+        remedy = f"A line is a JSON object with {', '.join(fields)}: see docs/records.md."
+        raise HumanclawError(f"{where} is not an episode: {first_fault(error, fields)}.", remedy) from error
     except KeyError as error:
         raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error
     return spec

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final
 
+from humanclaw.text.words import did_you_mean
+
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
@@ -28,9 +30,14 @@ def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return values
 
 
-def first_fault(error: ValidationError) -> str:
-    """Return the first message of pydantic, after the field that it is about: "spec.seed: Input should be ..."."""
+def first_fault(error: ValidationError, known: Iterable[str] = ()) -> str:
+    """Return the first message of pydantic, after the field that it is about: "spec.seed: Input should be ...".
+
+    known: the fields of the model, of which the nearest is named for an unknown one.
+    """
     first = error.errors(include_url=False)[0]
     where = ".".join(map(str, first["loc"]))
     what = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden" and (near := did_you_mean(where, known)):
+        what = f"there is no such field ({near})"
     return f"{where}: {what}" if where else what
