@@ -73,7 +73,7 @@ def room_views(renderer: Renderer, scene: Scene, seed: int, count: int) -> list[
             yaw = float(np.arctan2((room.x0 + room.x1) / 2 - x, (room.z0 + room.z1) / 2 - z))
             state = WorldState(Pose2D(x, z, yaw, floor).to_world(rest_pose()), {})
             tiles.append(Image.fromarray(renderer.render(state, ego_camera(state.body)).rgb).resize((VIEW, VIEW)))
-            ImageDraw.Draw(tiles[-1]).text((5, 3), f"{scene.name}, {room.told}", "black", font_size=13)
+            ImageDraw.Draw(tiles[-1]).text((5, 3), f"{scene.name}, {room.called}", "black", font_size=13)
     return tiles
 
 

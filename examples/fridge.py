@@ -1,4 +1,4 @@
-"""Open the fridge of a house: `python examples/fridge.py STRIP.jpg` draws it in six pictures."""
+"""Open the fridge of a house: `python examples/fridge.py FILE.jpg` draws it in six pictures."""
 
 import sys
 from pathlib import Path
@@ -18,7 +18,7 @@ CALLS = (
     ("grasp", SIDE), ("pull", SIDE | {"cm": 20}), ("pull", SIDE | {"cm": 20}),
     ("step_back", {"z_cm": 15}), ("step_back", {"z_cm": 15}), ("release", SIDE),
 )  # fmt: skip
-DRAWN = (0, 2, 4, 5, 6, 8)
+DRAWN = (0, 2, 4), (5, 6, 8)
 
 
 def before(scene, door):
@@ -34,11 +34,11 @@ def picture(body, renderer, place):
     """Draw the body from its right: on its left is a wall."""
     ahead, left = yaw_matrix(place.yaw)[:, 2], yaw_matrix(place.yaw)[:, 0]
     at = np.array([place.x, 0.95, place.z]) + 0.3 * ahead
-    eye = np.array([place.x, 1.5, place.z]) - 1.4 * left - 0.6 * ahead
+    eye = np.array([place.x, 1.5, place.z]) - 1.4 * left - 0.3 * ahead
     return renderer.render(body.state(), Camera(eye, at - eye, np.array([0.0, 1.0, 0.0]), 65.0, 400, 400)).rgb
 
 
-def main(strip: str) -> None:
+def main(file: str) -> None:
     plugins = Plugins.discover(PACKAGES)
     scene, renderer = plugins.scene("house:0"), plugins.make("renderers", "raster")
     renderer.load(scene)
@@ -51,7 +51,8 @@ def main(strip: str) -> None:
             pictures.append(picture(body, renderer, place))
         angle = abs(np.degrees(door.state_at(body.state().objects[door.id])))
     print(f"The door is open by {angle:.0f} degrees.")
-    Image.fromarray(np.hstack([pictures[k] for k in DRAWN])).save(strip, quality=80)
+    rows = [np.hstack([pictures[k] for k in row]) for row in DRAWN]
+    Image.fromarray(np.vstack(rows)).save(file, quality=80)
 
 
 if __name__ == "__main__":
