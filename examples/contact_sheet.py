@@ -96,8 +96,8 @@ def main(folder: str = "docs/images", houses: str = "41", views: str = "60") -> 
         due = int(views) * (number + 1) // count - int(views) * number // count
         seen += room_views(renderer, scene, number, due)
     Path(folder).mkdir(parents=True, exist_ok=True)
-    sheet(tiles, min(count, 4)).save(Path(folder) / "houses.webp", quality=75, method=6)
-    sheet(seen, min(len(seen), 5)).save(Path(folder) / "views.webp", quality=75, method=6)
+    sheet(tiles, min(count, 4)).save(Path(folder) / "houses.webp", quality=74, method=6)
+    sheet(seen, min(len(seen), 5)).save(Path(folder) / "views.webp", quality=74, method=6)
     print(f"{len(tiles)} houses and {len(seen)} views in {folder}")
 
 
