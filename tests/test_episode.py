@@ -253,9 +253,9 @@ def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agen
         def begin(self, context):
             heard[self.role] = context.scene is not None
 
-    decider = type("Told", (Listener, Agent), {"role": "agent", "privileged": agent})(STOP)
+    agent = type("Told", (Listener, Agent), {"role": "agent", "privileged": agent})(STOP)
     judge = verifier is not None and type("Judge", (Listener, Verifier), {"role": "verifier", "privileged": verifier})
-    record = run_episode(body, spec, decider, judge(Verdict(True)) if judge else None)
+    record = run_episode(body, spec, agent, judge(Verdict(True)) if judge else None)
     assert record.settings["privileged"] == heard == told
 
 

@@ -7,10 +7,10 @@ from humanclaw.lazy_exports import lazy_exports
 if TYPE_CHECKING:
     from humanclaw.cli.group import Commands as Commands, LazyCommand as LazyCommand, build as build, main as main
     from humanclaw.cli.options import (
-        Deciders as Deciders,
+        ChosenAgents as ChosenAgents,
         advice_after as advice_after,
+        agent_options as agent_options,
         check_options as check_options,
-        decider_options as decider_options,
         engine_options as engine_options,
         parse_pairs as parse_pairs,
         plugin_files as plugin_files,

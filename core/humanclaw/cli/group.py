@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.text import Text
 
-from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option, seed_option
+from humanclaw.cli.options import INTERRUPTED, ChosenAgents, agent_options, plugin_options, scene_option, seed_option
 from humanclaw.cli.terminal import Console, guarded
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
@@ -175,7 +175,7 @@ class LazyCommand(click.Command):
 @click.command(context_settings={"allow_extra_args": True})
 @click.option("--instruction", default="find a couch and sit on it", show_default=True, help="What the body is to do.")
 @scene_option(default="house:0")
-@decider_options
+@agent_options
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Decisions at most.")
 @seed_option(help="All randomness derives from it.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
@@ -192,7 +192,7 @@ class LazyCommand(click.Command):
     help="Whether the world waits while an agent thinks, or goes on: then 3 s of thought cost six steps.",
 )
 @plugin_options
-def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
+def run(instruction: str, reference: str, agents: ChosenAgents, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""
     for word in click.get_current_context().args:
         option = "--plugin" if word.endswith(".py") else "--instruction"
@@ -203,7 +203,7 @@ def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path,
         from humanclaw.cli.run import play
 
         # click checked the options.
-        play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]
+        play(instruction, reference, agents, files, console, status, **options)  # type: ignore[arg-type]
 
 
 def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:

@@ -27,7 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
-class Deciders:
+class ChosenAgents:
     """Agent and verifier with their options and limits, as the command line names them."""
 
     agent: str
@@ -49,12 +49,12 @@ class Deciders:
         check_options(self.options, self.agent, agent, verifier)
         return agent, verifier
 
-    def other(self, name: str, plugins: Plugins) -> Deciders:
-        """Return the deciders of a second body: an agent of this name, or else a model."""
+    def other(self, name: str, plugins: Plugins) -> ChosenAgents:
+        """Return the agents of a second body: an agent of this name, or else a model."""
         profile = {"profile": self.options["profile"]}
         if any(offer.name == name for offer in plugins.registered("agents")):
-            return Deciders(name, "", profile, self.limits)
-        return Deciders("litellm", "", profile | {"model": name}, self.limits)
+            return ChosenAgents(name, "", profile, self.limits)
+        return ChosenAgents("litellm", "", profile | {"model": name}, self.limits)
 
 
 def advice_after(refusal: str) -> str:
@@ -88,7 +88,7 @@ _ENGINES: Final = (
         help="Motion prior of the generator, by name.",
     ),
 )
-_DECIDERS: Final = (
+_AGENT_OPTIONS: Final = (
     click.option(
         "--agent",
         callback=_named,
@@ -165,8 +165,8 @@ def engine_options(function: F) -> F:
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_ENGINES), function)
 
 
-def decider_options(function: F) -> F:
-    """Add the options for agent, verifier and body. The command gets them as `deciders` and `backends`."""
+def agent_options(function: F) -> F:
+    """Add the options for agent, verifier and body. The command gets them as `agents` and `backends`."""
 
     @functools.wraps(function)
     def command(
@@ -194,17 +194,17 @@ def decider_options(function: F) -> F:
         given = {key: value for key, value in switches.items() if value is not None}
         options = {"profile": profile} | parse_pairs(pairs) | given
         verifier = "none" if no_verifier else verifier or ("litellm" if model else "none")
-        deciders = Deciders(
+        agents = ChosenAgents(
             agent or ("litellm" if model else "oracle"),
             "" if verifier == "none" else verifier,
             options,
             parse_limits(limits),
         )
         backends = Backends(simulator, renderer, generator, profile, tuple(sensors), prior, gaze, motion_history)
-        return function(*args, deciders=deciders, backends=backends, **rest)
+        return function(*args, agents=agents, backends=backends, **rest)
 
     # An option keeps the command's type, which reduce forgets.
-    return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
+    return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_AGENT_OPTIONS), command)  # type: ignore[return-value]
 
 
 def check_options(options: Mapping[str, Any], name: str, agent: object | None, verifier: object | None) -> None:
@@ -228,13 +228,13 @@ def check_options(options: Mapping[str, Any], name: str, agent: object | None, v
             raise HumanclawError(f"there is no option {key!r} for {whose}.", _nearest(key, known))
 
 
-def _settings(decider: object) -> tuple[str, ...] | None:
+def _settings(agent: object) -> tuple[str, ...] | None:
     """Return the names of the settings of an agent or a verifier; None if it has none."""
-    from humanclaw.plugins.deciders import origin
+    from humanclaw.plugins.validation import origin
 
     try:
-        with blaming(origin(decider)):
-            return tuple(map(str, decider.settings)) if hasattr(decider, "settings") else None
+        with blaming(origin(agent)):
+            return tuple(map(str, agent.settings)) if hasattr(agent, "settings") else None
     except PluginRunError as fault:
         raise PluginError(f"{fault}, when it was asked for its settings.", "Give it a mapping as settings.") from fault
 

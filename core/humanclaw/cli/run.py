@@ -18,7 +18,7 @@ import click
 from rich.status import Status
 
 from humanclaw.body.pose import Pose2D
-from humanclaw.cli.options import INTERRUPTED, Deciders, advice_after
+from humanclaw.cli.options import INTERRUPTED, ChosenAgents, advice_after
 from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
@@ -29,8 +29,8 @@ from humanclaw.episodes.loop import run_episode
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, RecordError, blaming
 from humanclaw.plugins.agents import Agent, Reporter, Verifier
 from humanclaw.plugins.choice import Choice
-from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.validation import origin
 from humanclaw.records.instructions import free_episode, require_words
 from humanclaw.records.limits import Meter
 from humanclaw.records.recorded_episode import RecordedEpisode
@@ -49,7 +49,7 @@ RUNS: Final = Path("runs")
 def play(
     instruction: str,
     reference: str,
-    deciders: Deciders,
+    agents: ChosenAgents,
     files: tuple[Path, ...],
     console: Console,
     status: Status,
@@ -67,21 +67,21 @@ def play(
     """Play one episode, or that of two bodies. The arguments are the options of `humanclaw run`. Exits with 130 after
     Ctrl-C."""
     plugins = Plugins.discover(files, choice)
-    plugins.require(*_needed(plugins, deciders, backends, reference))
+    plugins.require(*_needed(plugins, agents, backends, reference))
     backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
-    tasks = [(instruction, deciders)]
+    tasks = [(instruction, agents)]
     if partner_instruction and not partner:
         raise HumanclawError("--with-instruction is for a second body, and there is none.", "Add --with NAME.")
     if partner:
-        tasks.append((partner_instruction or instruction, deciders.other(partner, plugins)))
-    agents = _ready_agents(tasks, plugins)
+        tasks.append((partner_instruction or instruction, agents.other(partner, plugins)))
+    ready = _ready_agents(tasks, plugins)
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     out = out or new_folder("-with-".join(name_of(named.title) for _, named in tasks))
     starts, place = places_together(scene, len(tasks)), name_of(reference)
     numbers = range(1, 3) if partner else [0]
     roles = [
-        _Role(_spec(text, scene, start, place, seed + k, max_steps), named, *agents[k], out, numbers[k])
+        _Role(_spec(text, scene, start, place, seed + k, max_steps), named, *ready[k], out, numbers[k])
         for k, ((text, named), start) in enumerate(zip(tasks, starts, strict=True))
     ]
     distances = not any(getattr(role.agent, "at_terminal", False) for role in roles)
@@ -91,14 +91,14 @@ def play(
     _report(roles, plugins, backends, film, console, status)
 
 
-def _ready_agents(tasks: Sequence[tuple[str, Deciders]], plugins: Plugins) -> list[tuple[Agent, Verifier | None]]:
+def _ready_agents(tasks: Sequence[tuple[str, ChosenAgents]], plugins: Plugins) -> list[tuple[Agent, Verifier | None]]:
     """Make agent and verifier of each task. Raises HumanclawError if one of them says that it cannot begin."""
     for instruction, _ in tasks:
         require_words(instruction)
-    made = [deciders.make(plugins) for _, deciders in tasks]
+    made = [agents.make(plugins) for _, agents in tasks]
     for (instruction, _), pair in zip(tasks, made, strict=True):
-        for decider in filter(None, pair):
-            _require_ready(decider, instruction)
+        for agent in filter(None, pair):
+            _require_ready(agent, instruction)
     return made
 
 
@@ -107,7 +107,7 @@ class _Role:
     """One body's episode, and who decides for it."""
 
     spec: EpisodeSpec
-    deciders: Deciders
+    agents: ChosenAgents
     agent: Agent
     verifier: Verifier | None
     run: Path
@@ -120,7 +120,7 @@ class _Role:
 
     @property
     def head(self) -> str:
-        who = f"{self.deciders.title} {self.number or ''}".rstrip()
+        who = f"{self.agents.title} {self.number or ''}".rstrip()
         return f'{who} in {self.spec.scene}: "{self.spec.instruction}"\n{scoring(self.spec)}'
 
 
@@ -148,8 +148,8 @@ def _play_together(
 
     def played(role: _Role, body: Body) -> None:
         run_episode(
-            body, role.spec, role.agent, role.verifier, folder=role.folder, options=role.deciders.options,
-            distance=geodesics, meter=Meter(role.deciders.limits), stopping=interrupted, company=company_ids,
+            body, role.spec, role.agent, role.verifier, folder=role.folder, options=role.agents.options,
+            distance=geodesics, meter=Meter(role.agents.limits), stopping=interrupted, company=company_ids,
             begun=partial(console.print, role.head, soft_wrap=True), clock=clock,
         )  # fmt: skip
 
@@ -180,12 +180,12 @@ def _report(
         end(recorded.record, recorded.steps)
 
 
-def _require_ready(decider: Any, instruction: str) -> None:
+def _require_ready(agent: Any, instruction: str) -> None:
     """Raise HumanclawError if an agent or a verifier says that it cannot begin, PluginError if it breaks as it is
     asked."""
     try:
-        with blaming(origin(decider), HumanclawError):
-            if callable(ready := getattr(decider, "ready", None)):
+        with blaming(origin(agent), HumanclawError):
+            if callable(ready := getattr(agent, "ready", None)):
                 ready(instruction)
     except PluginRunError as fault:
         raise PluginError(f"{fault}, when it was asked whether it is ready.", "Mend its plugin.") from fault
@@ -270,7 +270,7 @@ def _interrupting() -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
-def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
+def _needed(plugins: Plugins, agents: ChosenAgents, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
     """Yield kind and name of everything that an episode needs."""
     yield "scenes", reference.partition(":")[0]
     # Without a name any installed simulator will do. If none is installed, ask for the one with wheels everywhere.
@@ -280,9 +280,9 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
     yield "motion_generators", backends.generator
     if backends.prior != SHIPPED:
         yield "priors", backends.prior
-    yield "agents", deciders.agent
-    if deciders.verifier:
-        yield "verifiers", deciders.verifier
+    yield "agents", agents.agent
+    if agents.verifier:
+        yield "verifiers", agents.verifier
 
 
 def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:

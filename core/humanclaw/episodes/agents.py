@@ -13,12 +13,11 @@ import numpy as np
 from humanclaw.body.pose import FUTURE
 from humanclaw.errors import ANSWERING, CallError, PluginError, PluginRunError, blaming, in_words
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
-from humanclaw.plugins.deciders import StandIn, admit, is_privileged, name_of, origin, settings_of
+from humanclaw.plugins.validation import StandIn, admit, is_privileged, name_of, origin, settings_of
 from humanclaw.records.decisions import Decision, Verdict
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill, check_call
 
-Decider = Agent | Verifier
 _AGENTS: Final = 82
 """Random stream of agents."""
 
@@ -41,21 +40,21 @@ class EpisodeAgents:
         self.refusal = ""
         """Reason of a PluginError that one of them raised, which ends the run."""
         # Read once, so that the record states exactly the settings that they run with.
-        self.privileged = {role: self._is_privileged(decider) for role, decider in self._present().items()}
+        self.privileged = {role: self._is_privileged(agent) for role, agent in self._present().items()}
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
         """Settings of agent and verifier; empty if asking for them failed."""
         self.views_between = self._views_between()
         """Number of views of each half second that the agent asks for."""
-        self.packages = {origin(decider) for decider in self._present().values()}
-        apart = [decider.versions for decider in self._present().values() if isinstance(decider, StandIn)]
+        self.packages = {origin(agent) for agent in self._present().values()}
+        apart = [agent.versions for agent in self._present().values() if isinstance(agent, StandIn)]
         self.versions = {name: version for versions in apart for name, version in versions.items()}
         """Versions of distributions that are not loaded here."""
         self.names = self._name(agent), self._name(verifier)
         """Names of agent and verifier; the package instead of a name that a record cannot hold."""
 
-    def _present(self) -> dict[str, Decider]:
-        pair: dict[str, Decider | None] = {"agent": self.agent, "verifier": self.verifier}
-        return {role: decider for role, decider in pair.items() if decider is not None}
+    def _present(self) -> dict[str, Agent | Verifier]:
+        pair: dict[str, Agent | Verifier | None] = {"agent": self.agent, "verifier": self.verifier}
+        return {role: agent for role, agent in pair.items() if agent is not None}
 
     @contextmanager
     def noting(self) -> Iterator[None]:
@@ -72,9 +71,9 @@ class EpisodeAgents:
 
         Raises PluginError if one cannot be used. Other errors are kept in `fault`.
         """
-        for role, decider in self._present().items():
-            with self.noting(), blaming(origin(decider), *ANSWERING):
-                decider.begin(replace(context, **known) if self.privileged[role] else context)
+        for role, agent in self._present().items():
+            with self.noting(), blaming(origin(agent), *ANSWERING):
+                agent.begin(replace(context, **known) if self.privileged[role] else context)
 
     def decide(self, seen: Observation, history: Sequence[HistoryEntry]) -> Decision:
         """Return the agent's decision. Raises PluginRunError for an error or a malformed decision."""
@@ -94,13 +93,13 @@ class EpisodeAgents:
             return verdict
 
     @contextmanager
-    def _asking(self, decider: Decider) -> Iterator[None]:
+    def _asking(self, agent: Agent | Verifier) -> Iterator[None]:
         """Name the plugin of agent or verifier in every error of its code."""
         try:
-            with blaming(origin(decider), *ANSWERING):
+            with blaming(origin(agent), *ANSWERING):
                 yield
         except PluginError as fault:
-            self.refusal = f"{origin(decider)} raised {in_words(fault)}"
+            self.refusal = f"{origin(agent)} raised {in_words(fault)}"
             raise
 
     def dismiss(self) -> None:
@@ -108,14 +107,14 @@ class EpisodeAgents:
         memory."""
         self.agent = self.verifier = None
 
-    def _is_privileged(self, decider: Decider) -> bool:
+    def _is_privileged(self, agent: Agent | Verifier) -> bool:
         with self.noting():
-            return is_privileged(decider)
+            return is_privileged(agent)
         return False
 
-    def _settings(self, decider: object) -> Mapping[str, Any]:
+    def _settings(self, agent: object) -> Mapping[str, Any]:
         with self.noting():
-            return settings_of(decider)
+            return settings_of(agent)
         return {}
 
     def _views_between(self) -> int:
@@ -126,12 +125,12 @@ class EpisodeAgents:
             return asked
         return 0
 
-    def _name(self, decider: Decider | str | None) -> str:
-        if decider is None or isinstance(decider, str):
-            return decider or ""
+    def _name(self, agent: Agent | Verifier | str | None) -> str:
+        if agent is None or isinstance(agent, str):
+            return agent or ""
         with self.noting():
-            return name_of(decider)
-        return origin(decider)
+            return name_of(agent)
+        return origin(agent)
 
 
 def settled(verdict: Verdict, call: Call, skills: Mapping[str, Skill]) -> tuple[Verdict, Call]:

@@ -25,7 +25,7 @@ from humanclaw.episodes.replay import check_end, check_memory, check_place
 from humanclaw.episodes.step import Step, distance_to_goal, target_distance
 from humanclaw.errors import CallError, HumanclawError, LimitError, PluginError, PluginRunError, ProviderError
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
-from humanclaw.plugins.deciders import admit
+from humanclaw.plugins.validation import admit
 from humanclaw.records.decisions import Attempt, Decision, Refusal, Usage, Verdict, check
 from humanclaw.records.feedback import Feedback
 from humanclaw.records.limits import Meter
@@ -358,7 +358,7 @@ class Episode:
 
     # -- replay --------------------------------------------------------------------------------------------------------
     def _open(self, replay: Sequence[StepRecord]) -> None:
-        """Execute the recorded steps and open the record, which a fault of the deciders or the last step may close."""
+        """Execute the recorded steps and open the record, which a fault of the agents or the last step may close."""
         with self._closing():
             with self._agents.noting():
                 for step in () if self.fault else replay:
@@ -393,7 +393,7 @@ class Episode:
     def _end_by(self, fault: BaseException | None) -> None:
         if isinstance(fault, PluginRunError):
             self._agents.fault = fault
-        # A decider's PluginError ends the run. After the first step it also ends the episode: a resumed run would
+        # An agent's PluginError ends the run. After the first step it also ends the episode: a resumed run would
         # otherwise play it again. A provider that serves no more requests is no failure of the agent.
         own = isinstance(fault, PluginError) and not isinstance(fault, ProviderError)
         if own and self._agents.refusal and self._recording.steps:

@@ -14,14 +14,6 @@ if TYPE_CHECKING:
         Tasks as Tasks,
     )
     from humanclaw.plugins.choice import PluginInfo as PluginInfo
-    from humanclaw.plugins.deciders import (
-        StandIn as StandIn,
-        admit as admit,
-        name_of as name_of,
-        origin as origin,
-        read_options as read_options,
-        settings_of as settings_of,
-    )
     from humanclaw.plugins.distributions import install as install, own as own
     from humanclaw.plugins.hookspecs import (
         API_VERSION as API_VERSION,
@@ -43,6 +35,14 @@ if TYPE_CHECKING:
         noun as noun,
     )
     from humanclaw.plugins.host import Plugins as Plugins, package_in as package_in
+    from humanclaw.plugins.validation import (
+        StandIn as StandIn,
+        admit as admit,
+        name_of as name_of,
+        origin as origin,
+        read_options as read_options,
+        settings_of as settings_of,
+    )
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)

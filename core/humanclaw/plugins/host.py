@@ -49,7 +49,7 @@ PREFIX: Final = "humanclaw_"
 EXTENSION: Final = "humanclaw_hookspecs"
 _EARLY: Final = (EXTENSION, "humanclaw_measures", "humanclaw_priors")
 """Hooks of plugins that others may need: these plugins are added first."""
-_DECIDERS: Final = ("agents", "verifiers")
+_AGENT_KINDS: Final = ("agents", "verifiers")
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
 _OURS: Final = re.compile(r"humanclaw(?![\w.-])", re.IGNORECASE)
 """A requirement of the core itself; of a hundred others the name is not worth parsing."""
@@ -356,13 +356,13 @@ class Plugins:
                 raise
             raise FactoryError(f"{whose} gave up: {in_words(error)}.") from error
 
-    def decider(self, kind: str, name: str, options: Mapping[str, Any], known_as: str = "") -> Any:
+    def make_agent(self, kind: str, name: str, options: Mapping[str, Any], known_as: str = "") -> Any:
         """Make an agent or a verifier for an episode of an unattended run.
 
         If its factory raises, return a stand-in with the name known_as; its episode ends as plugin_error when it
         begins. Raises PluginError, ProviderError and LimitError, as agents and verifiers may.
         """
-        from humanclaw.plugins.deciders import Unmade
+        from humanclaw.plugins.validation import Unmade
 
         try:
             return self.make(kind, name, options)
@@ -472,7 +472,7 @@ def _gives_up(kind: str, error: BaseException) -> bool:
 
     Agents and verifiers may report that a model cannot be had. Errors of other kinds of factories may be the machine's.
     """
-    if kind in _DECIDERS:
+    if kind in _AGENT_KINDS:
         mendable = isinstance(error, HumanclawError) and not isinstance(error, RecordError)
         return not (mendable or isinstance(error, ANSWERING) or by_hand(error))
     return isinstance(error, SystemExit | GeneratorExit)

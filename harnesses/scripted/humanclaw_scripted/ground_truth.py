@@ -73,7 +73,7 @@ class Perception:
 
     def __post_init__(self) -> None:
         if self.context.scene is None or self.context.state is None:
-            raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
+            raise HumanclawError("a scripted agent needs the scene and the state.", "Run it through the loop.")
         self._scene, self._state = self.context.scene, self.context.state
 
     def boxes(self) -> list[tuple[Any, Any]]:

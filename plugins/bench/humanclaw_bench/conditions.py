@@ -13,7 +13,7 @@ from humanclaw.records import EpisodeRecord
 
 Conditions = Mapping[str, str]
 """Value by name. The backends have plain names, such as simulator; other names begin with a kind: 'skill walk'."""
-DECIDERS: Final = ("agent", "option", "verifier")
+CHOICES_OF_AGENTS: Final = ("agent", "option", "verifier")
 """Kinds that belong to one agent, so that two agents usually differ in them."""
 _SHORT: Final = 8
 """Characters of a digest that are shown."""
@@ -23,7 +23,7 @@ _MISSING: Final = {"limit": "none", "choice": "none"}
 
 
 def conditions_of(record: EpisodeRecord) -> Conditions:
-    """Return the conditions of an episode: backends, senses, limits, skills, their versions, and the deciders'
+    """Return the conditions of an episode: backends, senses, limits, skills, their versions, and the agents'
     settings."""
     settings = record.settings
     mine, body = settings.get("agent", {}), settings.get("body", {})
@@ -54,7 +54,7 @@ def digest(texts: Iterable[str]) -> str:
 
 def of_world(conditions: Conditions) -> Conditions:
     """Return the conditions that do not belong to an agent or a verifier."""
-    return {name: value for name, value in sorted(conditions.items()) if _kind(name) not in DECIDERS}
+    return {name: value for name, value in sorted(conditions.items()) if _kind(name) not in CHOICES_OF_AGENTS}
 
 
 def differences(a: Conditions, b: Conditions) -> tuple[str, ...]:
@@ -76,7 +76,7 @@ def _differing(agent: str, rows: Sequence[tuple[str, Conditions]]) -> list[str]:
     names = dict.fromkeys(name for _, conditions in rows for name in conditions)
     return [
         name for name in names
-        if len({of.get(name) for other, of in rows if other == agent or _kind(name) not in DECIDERS}) > 1
+        if len({of.get(name) for other, of in rows if other == agent or _kind(name) not in CHOICES_OF_AGENTS}) > 1
     ]  # fmt: skip
 
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from humanclaw import HumanclawError, RecordError
-from humanclaw.cli import Console, decider_options, plugin_options
+from humanclaw.cli import Console, agent_options, plugin_options
 from humanclaw.storage import Folder
 from humanclaw_bench.cli import RUN
 from humanclaw_bench.progress import RunProgress, stop_after_option
 
 if TYPE_CHECKING:
     from humanclaw import Backends, Choice
-    from humanclaw.cli import Deciders
+    from humanclaw.cli import ChosenAgents
 
 
 @click.command("run")
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, self, two, a plugin's task, "
     "or a file of episodes.",
 )
-@decider_options
+@agent_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
 @click.option("--executor", default="", help="Name of the executor that plays the episodes (default: local).")
 @click.option(
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 )
 @plugin_options
 def run_command(
-    name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
+    name: str, agents: ChosenAgents, backends: Backends, workers: int, executor: str, address: str | None,
     out: Path | None, resume: bool, yes: bool, stop_after: int, seed: int | None, in_process: bool,
     files: tuple[Path, ...], choice: Choice,
 ) -> None:  # fmt: skip
@@ -72,13 +72,13 @@ def run_command(
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
     if unknown := unjudged(specs, metrics):
         raise HumanclawError(*unknown)
-    out = out or Path("runs") / f"{Path(name).stem}-{name_of(deciders.title)}"
+    out = out or Path("runs") / f"{Path(name).stem}-{name_of(agents.title)}"
     if not resume and Folder(out).has("run.json"):
         raise RecordError(
             f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
         )
     job = Job(
-        deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
+        agents.agent, agents.options, agents.verifier, backends.chosen(plugins), agents.limits,
         tuple(str(file.resolve()) for file in files), choice, in_process=in_process, stop_after=stop_after, seed=seed,
     )  # fmt: skip
     player = plugins.make("executors", executor or ("ray" if address else "local"), workers, address or "")

@@ -17,7 +17,7 @@ from humanclaw import Choice, EpisodeSpec, Plugins, RecordError
 from humanclaw.cli import check_options
 from humanclaw.plugins import PluginInfo, noun, own, package_in
 from humanclaw.storage import Folder, writing
-from humanclaw_bench.isolation.deciders import PROCESS
+from humanclaw_bench.isolation.agents import PROCESS
 from humanclaw_bench.verification import MANIFEST, read_manifest, split_digest
 from humanclaw_bench.worker import Job
 
@@ -45,11 +45,11 @@ def introduced(job: Job, plugins: Plugins) -> Job:
     made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, made["agents"], made["verifiers"])
     names = {}
-    for kind, decider in made.items():
+    for kind, agent in made.items():
         with contextlib.suppress(Exception):  # A broken name becomes an error of the episode.
-            names[kind] = str(getattr(decider, "name", ""))
+            names[kind] = str(getattr(agent, "name", ""))
     # Those who know everything already play beside the body; their records say that they are privileged.
-    open_to = [kind for kind, decider in made.items() if decider and not getattr(decider, "privileged", False)]
+    open_to = [kind for kind, agent in made.items() if agent and not getattr(agent, "privileged", False)]
     apart = {} if job.in_process else dict.fromkeys(open_to, PROCESS)
     asked = {"agents": job.agent, "verifiers": job.verifier}
     needed = {f"{noun(kind)} {name.rpartition(':')[2]}" for kind, name in asked.items() if kind not in apart}
@@ -97,7 +97,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
 
 
 def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
-    """Return the versions of humanclaw and of the distributions of the run's skills, backends, scenes and deciders."""
+    """Return the versions of humanclaw and of the distributions of the run's skills, backends, scenes and agents."""
     backends = job.backends
     used = {
         f"{noun('simulators')} {backends.simulator}",

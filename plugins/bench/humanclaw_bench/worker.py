@@ -32,7 +32,7 @@ from humanclaw.plugins import package_in
 from humanclaw.records import MOTION_BYTES, Outcome, Refusal, Usage, close_record
 from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
-from humanclaw_bench.isolation.deciders import IsolatedDeciders
+from humanclaw_bench.isolation.agents import IsolatedAgents
 from humanclaw_bench.two.partners import PARTNER, Ending, accompany, company_of
 
 FAILED: Final = "infra_error"
@@ -66,7 +66,7 @@ class Job:
     stop_after: int = 0
     """Refused answers in a row of one worker after which the run stops; 0 plays on, also after provider failures."""
     seed: int | None = None
-    """Of the order of the episodes and of the deciders' random numbers. None draws one for a new run. Episodes number
+    """Of the order of the episodes and of the agents' random numbers. None draws one for a new run. Episodes number
     their seeds, so that an agent that could compute its seed from theirs would know which episode it plays."""
 
     def seed_of(self, spec: EpisodeSpec) -> int:
@@ -108,7 +108,7 @@ class Worker:
         self._job, self._out, self._name = job, Folder(out), name
         self._plugins: Plugins = plugins or _beside_the_body(job)
         asked = {"agents": job.agent, "verifiers": job.verifier, "options": dict(job.options), "names": dict(job.names)}
-        self._isolated = IsolatedDeciders(job.apart, asked, {"files": job.files, "choice": asdict(job.choice)})
+        self._isolated = IsolatedAgents(job.apart, asked, {"files": job.files, "choice": asdict(job.choice)})
         self._stopping = stopping
         self._meter = Meter(job.limits)
         self._body: Body | None = None
@@ -215,7 +215,7 @@ class Worker:
 
     def _made(self, kind: str, name: str) -> Any:
         """Create an agent or a verifier; None without a name. If that fails, the record has the name from the job."""
-        return self._plugins.decider(kind, name, self._job.options, self._job.names.get(kind, "")) if name else None
+        return self._plugins.make_agent(kind, name, self._job.options, self._job.names.get(kind, "")) if name else None
 
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
         report = WorkerReport(spec.id, FAILED, seconds=round(seconds, 3), error=error, fatal=fatal, worker=self._name)

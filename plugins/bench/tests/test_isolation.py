@@ -260,7 +260,7 @@ class Mine(Agent):
 
 
 def test_an_agent_that_hangs_is_ended_by_the_time_limit(play, monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.isolation.deciders.GRACE", 0.2)
+    monkeypatch.setattr("humanclaw_bench.isolation.agents.GRACE", 0.2)
     hangs = "\nclass Mine(Agent):\n    def decide(self, observation, history): time.sleep(600)\n"
     _, folder = play(hangs, limits={"call.seconds": 1.0})
     assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
@@ -293,7 +293,7 @@ def humanclaw_verifiers(register): register("strict", Strict)
 
 
 def test_an_agent_that_stops_reading_is_ended_by_the_time_limit(play, monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.isolation.deciders.GRACE", 0.2)
+    monkeypatch.setattr("humanclaw_bench.isolation.agents.GRACE", 0.2)
     # It sleeps once it has answered, before it is asked again; a view with its history is more than a pipe holds.
     ask = ProcessTransport.ask
 

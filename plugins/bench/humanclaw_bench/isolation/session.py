@@ -1,4 +1,4 @@
-"""The deciders' side: make agent and verifier, and answer requests about one episode after another."""
+"""The agents' side: make agent and verifier, and answer requests about one episode after another."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ class Session:
         self._history, self._views, self._meter = [], {}, Remaining()
         self._made = {kind: self._make(kind, params) for kind in ("agents", "verifiers") if params.get(kind)}
         return {
-            kind: _introduced(decider) | {"versions": self._versions(kind, params[kind])}
-            for kind, decider in self._made.items()
+            kind: _introduced(agent) | {"versions": self._versions(kind, params[kind])}
+            for kind, agent in self._made.items()
         }
 
     def _versions(self, kind: str, name: str) -> dict[str, str]:
@@ -82,7 +82,7 @@ class Session:
         return {info.origin: info.version for info in owners}
 
     def _make(self, kind: str, params: Json) -> Any:
-        return self._plugins.decider(kind, params[kind], params["options"], params["names"].get(kind, ""))
+        return self._plugins.make_agent(kind, params[kind], params["options"], params["names"].get(kind, ""))
 
     def _begin(self, params: Json) -> Json:
         """Tell the agent or the verifier its task."""
@@ -110,9 +110,9 @@ class Session:
         return to_json(admit(verdict, Verdict, f"verify() of {name_of(verifier)} returned"))
 
 
-def _introduced(decider: Any) -> Json:
+def _introduced(agent: Any) -> Json:
     """Return name, settings and package of an agent or a verifier."""
-    return {"name": name_of(decider), "settings": settings_of(decider), "owner": origin(decider)}
+    return {"name": name_of(agent), "settings": settings_of(agent), "owner": origin(agent)}
 
 
 def _told(fault: BaseException) -> Json:

@@ -1,4 +1,4 @@
-"""How requests reach the deciders' side: through the pipe of a process."""
+"""How requests reach the agents' side: through the pipe of a process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from humanclaw_bench.isolation.messages import Json
 LARGEST: Final = 16 * 2**20
 """Bytes that an answer may have."""
 GRACE: Final = 5.0
-"""Seconds that a decider may take beyond its time limit to say so by itself."""
+"""Seconds that an agent may take beyond its time limit to say so by itself."""
 STARTING: Final = 600.0
 """Seconds that the other side may take to import everything and make agent and verifier."""
 

@@ -103,7 +103,7 @@ def _read(kind: type[T], answer: object, method: str) -> T:
 KINDS: Final = {"agents": ApartAgent, "verifiers": ApartVerifier}
 
 
-class IsolatedDeciders:
+class IsolatedAgents:
     """The other side of one worker: its process, and the halves of agent and verifier for each episode."""
 
     def __init__(self, kinds: Collection[str], asked: Mapping[str, Any], loads: Mapping[str, Any]) -> None:

@@ -48,11 +48,11 @@ class Unmade(StandIn):
     decide = verify = begin
 
 
-def origin(decider: object) -> str:
+def origin(agent: object) -> str:
     """Return the package of an agent or a verifier, or the plugin that a stand-in names."""
-    if isinstance(decider, StandIn):
-        return decider.owner
-    return type(decider).__module__.partition(".")[0]
+    if isinstance(agent, StandIn):
+        return agent.owner
+    return type(agent).__module__.partition(".")[0]
 
 
 def admit(value: T, kind: type[T], whose: str) -> T:
@@ -66,23 +66,23 @@ def admit(value: T, kind: type[T], whose: str) -> T:
     return _typed(recordable(value, kind), kind, f"{whose} a malformed {kind.__name__}: ")
 
 
-def name_of(decider: Any) -> str:
+def name_of(agent: Any) -> str:
     """Return the name of an agent or a verifier. Raises PluginRunError for a name that a record cannot hold."""
-    with blaming(origin(decider)):
-        return _typed(decider.name, Name, "name: ")
+    with blaming(origin(agent)):
+        return _typed(agent.name, Name, "name: ")
 
 
-def is_privileged(decider: object) -> bool:
+def is_privileged(agent: object) -> bool:
     """Tell whether an agent or a verifier is to be given scene and true state. Raises PluginRunError if it fails."""
-    with blaming(origin(decider)):
-        return bool(getattr(decider, "privileged", False))
+    with blaming(origin(agent)):
+        return bool(getattr(agent, "privileged", False))
 
 
-def settings_of(decider: object) -> dict[str, Any]:
+def settings_of(agent: object) -> dict[str, Any]:
     """Return the current settings of an agent or a verifier; empty if it has none. Raises PluginRunError for settings
     that JSON cannot hold."""
-    with blaming(origin(decider)):
-        settings = getattr(decider, "settings", None) or {}
+    with blaming(origin(agent)):
+        settings = getattr(agent, "settings", None) or {}
         try:
             read: dict[str, Any] = json.loads(_SETTINGS.dump_json(dict(settings)))
         except (TypeError, ValueError) as error:
