@@ -1,10 +1,14 @@
 """Machine code is kept from process to process, and made anew when anything changed that went into it."""
 
+import gc
 import os
 import subprocess
 import sys
 
+import numba
 import pytest
+
+import humanclaw.world.compiling  # noqa: F401  # It listens to numba from then on.
 
 pytestmark = pytest.mark.integration
 
@@ -59,3 +63,9 @@ def test_machine_code_is_compiled_once_and_kept(answer):
 def test_a_changed_number_array_or_inlined_function_is_taken_in(answer, changed, new):
     assert answer() == (4.0, 1)
     assert answer(**changed) == (new, 1)
+
+
+def test_garbage_is_collected_as_before_once_compiled():
+    before = gc.get_threshold()
+    assert numba.njit(lambda x: x)(1) == 1
+    assert gc.get_threshold() == before

@@ -75,21 +75,28 @@ def voxels(triangles: Floats, albedo: Floats, lights: Array) -> Voxels:
     while np.prod(shape := 2 * np.ceil((high - low) / (2 * size)).astype(int)) > 8 * MOST:
         size *= 1.02
     solid = np.zeros((shape[1], shape[2], shape[0]), np.uint8)
-    _fill(solid, triangles, albedo, low, size)
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    longest = np.maximum.reduce([_square(a - b), _square(b - c), _square(c - a)]).astype(float)
+    steps = (np.sqrt(longest) / (0.6 * size)).astype(int) + 1  # So close that no voxel is left out.
+    tones = (1 + 254 * np.clip(albedo.astype(float), 0.0, BRIGHTEST)).astype(np.uint8)
+    _fill(solid, triangles, steps, tones, low, size)
     return Voxels(solid, low, size)
 
 
+def _square(vectors: Floats) -> Floats:
+    x, y, z = vectors.T
+    return np.asarray(x * x + y * y + z * z)
+
+
 @compiled
-def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: Array, size: float) -> None:
+def _fill(
+    solid: NDArray[np.uint8], triangles: Floats, counts: NDArray[np.int64], tones: NDArray[np.uint8], corner: Array,
+    size: float,
+) -> None:  # fmt: skip
     sides, start, way = (solid.shape[2], solid.shape[0], solid.shape[1]), np.empty(3), np.empty(3)
     for face in range(triangles.shape[0]):
         a, b, c = triangles[face]
-        longest = 0.0
-        for first, second in ((a, b), (b, c), (c, a)):
-            square = (first[0] - second[0]) ** 2 + (first[1] - second[1]) ** 2 + (first[2] - second[2]) ** 2
-            longest = max(longest, square)
-        steps = int(np.sqrt(longest) / (0.6 * size)) + 1  # So close that no voxel is left out.
-        tone = np.uint8(1 + 254 * min(max(albedo[face], 0.0), BRIGHTEST))
+        steps = counts[face]
         for i in range(steps + 1):
             # Of a row only what lies in the space: a ground may be kilometres wide.
             near, far = 0.0, float(steps - i)
@@ -101,7 +108,7 @@ def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: A
             for j in range(int(np.ceil(near)), int(far) + 1):
                 x, y, z = start[0] + j * way[0], start[1] + j * way[1], start[2] + j * way[2]
                 if x < sides[0] and y < sides[1] and z < sides[2]:
-                    solid[int(y), int(z), int(x)] = tone
+                    solid[int(y), int(z), int(x)] = tones[face]
 
 
 def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_] | None) -> Floats:
@@ -120,10 +127,12 @@ def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_] |
     lit = kept.copy()
     for _ in range(BOUNCES):
         lit[hit[lit]] = True  # Those that pass light on to probes that are kept; the others take as long.
-    _shine(space, lights, lit, direct)
+    _shine(space, lights, np.flatnonzero(lit), direct)
     light = direct.copy()
     for _ in range(BOUNCES):
-        light = direct + _gather(light, free, ways, hit, albedo, sky)
+        passed = np.zeros_like(direct)
+        _gather(light, free, ways, hit, albedo, sky, passed)
+        light = direct + passed
     light[~kept] = np.nan
     return _filled(_blurred(light.reshape(*space.shape, 6), space.albedo == 0)).astype(np.float32)
 
@@ -137,12 +146,12 @@ def _spread(count: int) -> Array:
 
 
 @compiled
-def _shine(space: Voxels, lights: Lights, lit: NDArray[np.bool_], direct: Array) -> None:
-    """Add the light of all lights to the probes that are `lit`."""
+def _shine(space: Voxels, lights: Lights, lit: NDArray[np.int64], direct: Array) -> None:
+    """Add the light of all lights to the probes with these numbers."""
     (solid, corner, size), (place, way, power) = space, lights
     depth, width = solid.shape[1] // 2, solid.shape[2] // 2
     start, to, end = np.empty(3), np.empty(3), 0.0
-    for number in np.flatnonzero(lit):
+    for number in lit:
         start[0] = 2 * (number % width) + 1
         start[1], start[2] = 2 * (number // (depth * width)) + 1, 2 * (number // width % depth) + 1
         for light in range(power.size):
@@ -212,9 +221,11 @@ def _trace(solid: NDArray[np.uint8], ways: Array, hit: NDArray[np.int32], albedo
 
 
 @compiled
-def _gather(light: Array, free: Array, ways: Array, hit: NDArray[np.int32], albedo: Floats, sky: float) -> Array:
-    """Return (N, 6) the light that surfaces pass on to each probe once more."""
-    out, count = np.zeros_like(light), ways.shape[0]
+def _gather(
+    light: Array, free: Array, ways: Array, hit: NDArray[np.int32], albedo: Floats, sky: float, out: Array
+) -> None:
+    """Add (N, 6) the light that surfaces pass on to each probe once more."""
+    count = ways.shape[0]
     for number in range(hit.shape[0]):
         for ray in range(count if free[number] > 0 else 0):
             before = hit[number, ray]
@@ -229,7 +240,6 @@ def _gather(light: Array, free: Array, ways: Array, hit: NDArray[np.int32], albe
             for axis in range(3):
                 toward = ways[ray, axis]
                 out[number, 2 * axis + (toward < 0)] += 4 / count * abs(toward) * bright  # 4 pi / count, over pi.
-    return out
 
 
 def _blurred(light: Array, empty: NDArray[np.bool_]) -> Array:

@@ -133,7 +133,10 @@ def _triangle(
         )  # fmt: skip
     if pz < NEAR and qz < NEAR and rz < NEAR:
         return 0
-    seen, flat, pixels = np.array([[px, py, pz], [qx, qy, qz], [rx, ry, rz]]), np.empty((4, 3)), 0
+    seen, flat, pixels = np.empty((3, 3)), np.empty((4, 3)), 0
+    seen[0, 0], seen[0, 1], seen[0, 2] = px, py, pz
+    seen[1, 0], seen[1, 1], seen[1, 2] = qx, qy, qz
+    seen[2, 0], seen[2, 1], seen[2, 2] = rx, ry, rz
     for last in range(2, _project(seen, focal, surface.shape, flat)):
         a, b, c = flat[0], flat[last - 1], flat[last]
         pixels += _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], most, number, inverse_depth, surface)

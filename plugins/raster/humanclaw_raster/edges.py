@@ -16,16 +16,21 @@ ALIKE: Final = 24
 """Neighbours whose channels differ by less than this in total are not mixed."""
 
 
-@compiled
 def soften(pinhole: Pinhole, gbuffer: GBuffer, rgb: NDArray[np.uint8]) -> None:
     """Mix the colours of pixels on both sides of an edge, as the edge divides the pixel that it crosses.
 
     rgb: (H, W, 3), changed in place. A pixel with several edges is mixed with the neighbour that covers most of it.
     """
-    (height, width), scale = gbuffer.surface.shape, np.float32(1 / pinhole.focal)
-    before, covered = rgb.copy(), np.zeros((height, width), np.float32)
-    # Single arrays: a call that passes a tuple of arrays counts a reference to each.
-    depth, surface, faces, table = gbuffer
+    _soften(np.float32(1 / pinhole.focal), *gbuffer, rgb.copy(), np.zeros(rgb.shape[:2], np.float32), rgb)
+
+
+# Single arrays: a call that passes a tuple of arrays counts a reference to each.
+@compiled
+def _soften(
+    scale: np.float32, depth: Floats, surface: NDArray[np.int32], faces: NDArray[np.int32], table: Floats,
+    before: NDArray[np.uint8], covered: Floats, rgb: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    height, width = surface.shape
     for row in range(height):
         for column in range(width):
             number = surface[row, column]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import Cache, source_digest
-from humanclaw.world import Mesh, SceneObject, compiled, inlined, internal
+from humanclaw.world import Mesh, SceneObject, compiled, inlined
 from humanclaw_raster.baking import Lights, bake, voxels
 from humanclaw_raster.buffers import HALF, TINY, ZERO, Instances
 from humanclaw_raster.packing import LEVELS, Floats, Model
@@ -88,10 +88,14 @@ def light_up(scene: Scene, model: Model, instances: Instances) -> Lit:
     return lit
 
 
-@compiled
 def light_again(lit: Lit, instances: Instances, rows: NDArray[np.int64]) -> None:
     """Look up the light on some instances where they are now."""
-    aside, place = jitter(lit.light), np.empty(3, np.float32)
+    _light_again(lit, instances, rows, jitter(lit.light))
+
+
+@compiled
+def _light_again(lit: Lit, instances: Instances, rows: NDArray[np.int64], aside: Floats) -> None:
+    place = np.empty(3, np.float32)
     for row in rows:
         for face in range(6):
             axis, sign, total = face // 2, np.float32(1 - 2 * (face % 2)), ZERO
@@ -213,14 +217,10 @@ def _albedo(model: Model, mesh: int, first: int, end: int) -> Array:
     return np.asarray(((0.3 * red + 0.59 * green + 0.11 * blue) / 255) ** 2.2)
 
 
-@internal
 def jitter(light: Light) -> Floats:
     """Return (16, 3) offsets within a probe's cell, metres: the mean of the probes nearest to them lies in between."""
-    out = np.empty((16, 3), np.float32)
-    for k in range(16):
-        for axis in range(3):
-            out[k, axis] = ((k + 0.5) * (1 / 16, 0.6180340, 0.7548777)[axis] % 1 - 0.5) / light.density
-    return out
+    spread = (np.arange(16)[:, None] + 0.5) * np.array([1 / 16, 0.6180340, 0.7548777]) % 1 - 0.5
+    return np.asarray(spread / float(light.density), np.float32)
 
 
 @inlined

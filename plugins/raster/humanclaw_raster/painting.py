@@ -80,11 +80,12 @@ def paint(
 @internal
 def _points(count: int) -> _Points:
     """Allocate points. They start as zeros, because _colours also reads points of empty pixels, which stay unset."""
-    return _Points(
-        np.zeros(count, np.float32), np.zeros(count, np.float32), np.zeros(count, np.float32),
-        np.zeros(count, np.float32), np.zeros(count, np.float32), np.zeros(count, np.float32),
-        np.zeros(count, np.float32), np.zeros(count, np.int32),
-    )  # fmt: skip
+    depth, right, light, u, v = floats(count), floats(count), floats(count), floats(count), floats(count)
+    bright, footprint, texture = floats(count), floats(count), ints(count)
+    for k in range(count):
+        depth[k] = right[k] = light[k] = u[k] = v[k] = bright[k] = footprint[k] = ZERO
+        texture[k] = 0
+    return _Points(depth, right, light, u, v, bright, footprint, texture)
 
 
 @internal
@@ -198,7 +199,9 @@ def _blend(
 @internal
 def _means(light: Floats, gbuffer: GBuffer) -> Floats:
     """Return (K,) the mean light of the samples on each surface; 0 on one without any or with more than FEW."""
-    total, count = np.zeros(gbuffer.faces.shape[0], np.float32), np.zeros(gbuffer.faces.shape[0], np.int32)
+    total, count = floats(gbuffer.faces.shape[0]), ints(gbuffer.faces.shape[0])
+    for number in range(count.size):
+        total[number], count[number] = ZERO, 0
     for row in range(light.shape[0]):
         for column in range(light.shape[1]):
             number = gbuffer.surface[2 * row, 2 * column]
@@ -207,7 +210,7 @@ def _means(light: Floats, gbuffer: GBuffer) -> Floats:
                 count[number] += 1
     for number in range(count.size):
         total[number] = total[number] / np.float32(count[number]) if 0 < count[number] <= FEW else ZERO
-    return total
+    return total  # type: ignore[no-any-return]  # Numba's float is NumPy's.
 
 
 @internal

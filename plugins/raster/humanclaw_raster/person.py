@@ -47,10 +47,11 @@ class Person:
 @compiled
 def _move(model: Model, mesh: int, faces: NDArray[np.int32], vertices: Floats, normals: Floats) -> None:
     """Write corners, normals and bounding spheres of one of the model's meshes."""
-    start = model.clusters[model.meshes[mesh, 0], 0]
+    start, low, high = model.clusters[model.meshes[mesh, 0], 0], np.empty(3, np.float32), np.empty(3, np.float32)
     for cluster in range(model.meshes[mesh, 0], model.meshes[mesh, 1]):
         first, end = model.clusters[cluster]
-        low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+        for axis in range(3):
+            low[axis], high[axis] = np.float32(np.inf), np.float32(-np.inf)
         for face in range(first, end):
             for corner in range(3):
                 vertex = faces[face - start, corner]

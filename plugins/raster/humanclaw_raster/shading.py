@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.world import compiled, inlined, internal
-from humanclaw_raster.buffers import GOLDEN, HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats
+from humanclaw_raster.buffers import GOLDEN, HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats, ints
 from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
 from humanclaw_raster.packing import PANE, SKIN, WIDE, Floats
 from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND
@@ -76,19 +78,31 @@ def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap,
     adds the shadows of objects above and towards the strongest light. Wide faces get the light of the probes here, too;
     other faces have it from their corners.
     """
+    # Arrays are made and combined here: in a kernel that takes a second to compile.
     half = _halved(gbuffer)
-    swing = _swing(half.depth.shape[1])
-    light = _occlusion(half, np.float32(pinhole.focal / 2), swing)
-    _set_off(half, AROUND * pinhole.focal / 2, light)
-    _shadow(half, pinhole, overhead, lamps, swing, light)
-    return _smoothed(light, half)  # type: ignore[no-any-return]  # Numba's float is NumPy's.
+    swing, light = _swing(half.depth.shape[1]), np.empty_like(half.depth)
+    _occlusion(half, np.float32(pinhole.focal / 2), swing, light)
+    taken = np.zeros_like(light)
+    _set_off(half, ONE / half.depth, ONE / half.things, AROUND * pinhole.focal / 2, taken)
+    light *= ONE - np.minimum(np.float32(BEHIND / RAYS / 2) * taken * half.depth, np.float32(MOST))
+    _shadow(half, pinhole, pinhole.axes.astype(np.float32), overhead, lamps, jitter(lamps), swing, light)
+    smoothed = light.copy()
+    _smooth(light, half, smoothed)
+    return smoothed
+
+
+def _halved(gbuffer: GBuffer) -> Half:
+    shape = (gbuffer.surface.shape[0] + 1) // 2, (gbuffer.surface.shape[1] + 1) // 2
+    depth, things = np.full(shape, VOID, np.float32), np.full(shape, VOID, np.float32)
+    half = Half(depth, things, np.zeros((3, *shape), np.float32), np.zeros(shape, np.float32))
+    _halve(gbuffer, half)
+    return half
 
 
 @compiled
-def _halved(gbuffer: GBuffer) -> Half:
-    height, width = (gbuffer.surface.shape[0] + 1) // 2, (gbuffer.surface.shape[1] + 1) // 2
-    depth, normals = np.full((height, width), VOID, np.float32), np.zeros((3, height, width), np.float32)
-    things, tone = np.full((height, width), VOID, np.float32), np.zeros((height, width), np.float32)
+def _halve(gbuffer: GBuffer, half: Half) -> None:
+    depth, things, normals, tone = half
+    height, width = depth.shape
     for row in range(height):
         for column in range(width):
             number = gbuffer.surface[2 * row, 2 * column]
@@ -100,20 +114,20 @@ def _halved(gbuffer: GBuffer) -> Half:
                     tone[row, column] = gbuffer.table[number, BRIGHT]
                 for axis in range(3):
                     normals[axis, row, column] = gbuffer.table[number, FLAT + axis]
-    return Half(depth, things, normals, tone)
 
 
 @compiled
-def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
-    """Return the share of the light that corners leave.
+def _occlusion(half: Half, focal: float, swing: Floats, light: Floats) -> None:
+    """Write the share of the light that corners leave.
 
     Each step is a loop of its own over a whole row, simple enough to be vectorized: places of the samples, their
     depths, the light that they take.
     """
     height, width = half.depth.shape
-    light, depths = np.empty((height, width), np.float32), half.depth.ravel()
+    depths, columns, place = half.depth.ravel(), floats(width), ints(width)
     r, c, far, radius, taken = floats(width), floats(width), floats(width), floats(width), floats(width)
-    columns, place = np.arange(width).astype(np.float32), np.empty(width, np.int32)
+    for k in range(width):
+        columns[k] = k
     scale, mid, centre = ONE / focal, np.float32(width / 2 - 0.5), np.float32(height / 2 - 0.5)
     high, wide, reach, most = np.float32(height), np.float32(width), focal * np.float32(REACH), np.float32(width / 8)
     for row in range(height):
@@ -142,7 +156,6 @@ def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
                 taken[k] += max(ZERO, slope) * max(ZERO, ONE - square * _CLOSE)
         for k in range(width):
             light[row, k] = max(np.float32(DARKEST), ONE - np.float32(DEPTH_OF_CORNERS / RAYS) * taken[k])
-    return light
 
 
 @inlined
@@ -165,15 +178,15 @@ def _within(way: int, place: int, size: int) -> int:
 
 
 @compiled
-def _set_off(half: Half, radius: float, light: Floats) -> None:
-    """Darken what is close behind the edge of a thing. A detector trained on photos recognises more with it.
+def _set_off(half: Half, own: Floats, inverse: Floats, radius: float, taken: Floats) -> None:
+    """Add by how much things beside each pixel are nearer. A detector trained on photos recognises more with it.
 
-    radius: pixels. Opposite neighbours are compared with each pixel in pairs: on a plane, the mean of their inverse
-    depths is the pixel's own. Towards the border of the picture they come closer to it. A body darkens nothing: own
-    hands are so close to the eyes that all behind them would be black.
+    own, inverse: (H, W) one over half.depth and half.things. radius: pixels. Opposite neighbours are compared with each
+    pixel in pairs: on a plane, the mean of their inverse depths is the pixel's own. Towards the border of the picture
+    they come closer to it. A body darkens nothing: own hands are so close to the eyes that all behind them would be
+    black.
     """
-    height, width = light.shape
-    own, inverse, taken = ONE / half.depth, ONE / half.things, np.zeros((height, width), np.float32)
+    height, width = taken.shape
     for ray in range(RAYS):
         reach = radius * np.sqrt((ray + 0.5) / RAYS)
         down, aside = int(np.rint(reach * np.sin(GOLDEN * ray))), int(np.rint(reach * np.cos(GOLDEN * ray)))
@@ -192,20 +205,21 @@ def _set_off(half: Half, radius: float, light: Floats) -> None:
             out = taken[row, first:last]
             for k in range(out.size):
                 out[k] += _nearer(inner[k], here[k], there[k], mine[k], near[k], off[k])
-    light *= ONE - np.minimum(np.float32(BEHIND / RAYS / 2) * taken * half.depth, np.float32(MOST))
 
 
 @compiled
-def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, lamps: Light, swing: Floats, light: Floats) -> None:
+def _shadow(
+    half: Half, pinhole: Pinhole, axes: Floats, overhead: OverheadMap, lamps: Light, shift: Floats, swing: Floats,
+    light: Floats,
+) -> None:  # fmt: skip
     """Light wide faces, and darken surfaces that face up, under or close beside objects and in the shadow of the
     strongest light there.
 
-    They get light from a cone above them.
+    They get light from a cone above them. axes: pinhole's. shift: as from jitter.
     """
     height, width = half.depth.shape
     x, y, z, up, open_ = floats(width), floats(width), floats(width), floats(width), floats(width)
-    storey, axes, shift = np.empty(width, np.int32), pinhole.axes.astype(np.float32), jitter(lamps)
-    cell, off = np.float32(overhead.cell), np.float32(OFFSET)
+    storey, cell, off = ints(width), np.float32(overhead.cell), np.float32(OFFSET)
     left, near = np.float32(overhead.corner[0]), np.float32(overhead.corner[1])
     for row in range(height):
         nx, ny, nz = half.normals[0, row], half.normals[1, row], half.normals[2, row]
@@ -241,7 +255,7 @@ def _on_map(
     storey: NDArray[np.int32],
 ) -> None:  # fmt: skip
     """Write the places of a row of pixels: x and z in cells of the map, y in metres, and the storey."""
-    base, step = np.empty(3, np.float32), np.empty(3, np.float32)
+    base, step = floats(3), floats(3)
     middle = (depth.size - 0.5) / 2
     for axis in range(3):
         step[axis] = 2 * pinhole.axes[0, axis] / pinhole.focal
@@ -258,7 +272,8 @@ def _on_map(
         y[k] = up + depth[k] * (base[1] + step[1] * np.float32(np.int32(k)))
     for k in range(depth.size):
         z[k] = north + depth[k] * cells * (base[2] + step[2] * np.float32(np.int32(k)))
-    storey[:] = 0
+    for k in range(depth.size):
+        storey[k] = 0
     for floor in overhead.floors[1:]:
         least = np.float32(floor - 0.1)
         for k in range(depth.size):
@@ -272,9 +287,10 @@ def _cone(
     """Write the covered share of the cone above each point of a row."""
     heights, (_, rows, columns) = overhead.heights.ravel(), overhead.heights.shape
     width, cone = x.size, np.float32(CONE / overhead.cell)
-    place, over = np.empty(width, np.int32), floats(width)
+    place, over = ints(width), floats(width)
     last_row, last_column, storeys = np.float32(rows - 1), np.float32(columns - 1), np.int32(rows * columns)
-    out[:] = ZERO
+    for k in range(width):
+        out[k] = ZERO
     for ray in range(RAYS):
         aside, ahead = swing[ray, 0], swing[ray, 1]
         # All pixels have this sample equally far aside. Surfaces up to 3 cm higher are the point's own, within the
@@ -338,7 +354,7 @@ def _height(heights: Floats, storey: int, x: np.float32, z: np.float32) -> np.fl
     return heights[np.uint64(storey), np.uint64(i), np.uint64(j)]  # type: ignore[no-any-return]
 
 
-@compiled
+@cache
 def _swing(width: int) -> Floats:
     """Return (4, RAYS, 2, width) points in the unit disk for each pixel of four rows.
 
@@ -347,20 +363,26 @@ def _swing(width: int) -> Floats:
     out = np.empty((4, RAYS, 2, width), np.float32)
     for row in range(4):
         for ray in range(RAYS):
-            reach = np.sqrt((ray + 0.5) / RAYS)
+            reach = math.sqrt((ray + 0.5) / RAYS)
             for column in range(4):
                 angle = GOLDEN * ray + 2 * np.pi * ((4 * row + column) * 7 % 16) / 16
-                out[row, ray, 0, column::4], out[row, ray, 1, column::4] = reach * np.sin(angle), reach * np.cos(angle)
+                out[row, ray, 0, column::4], out[row, ray, 1, column::4] = (
+                    reach * math.sin(angle),
+                    reach * math.cos(angle),
+                )
     return out
 
 
 @compiled
-def _smoothed(raw: Floats, half: Half) -> Floats:
-    """Return the mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
-    height, width = raw.shape
-    out, weight, same = raw.copy(), floats(width), floats(width)
+def _smooth(raw: Floats, half: Half, out: Floats) -> None:
+    """Write the mean over four by four neighbours that lie on the same surface: each of the 16 turns once.
+
+    out: a copy of raw.
+    """
+    (height, width), weight, same = raw.shape, floats(raw.shape[1]), floats(raw.shape[1])
     for row in range(height):
-        weight[:] = ONE
+        for k in range(width):
+            weight[k] = ONE
         for r in range(max(0, row - 2), min(height, row + 2)):
             for aside in range(-2, 2):
                 first, last = max(0, -aside), min(width, width - aside)
@@ -372,7 +394,6 @@ def _smoothed(raw: Floats, half: Half) -> Floats:
                     weights[k] += same[k]
         for k in range(width):
             out[row, k] /= weight[k]
-    return out
 
 
 @internal

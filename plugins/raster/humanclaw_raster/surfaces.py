@@ -31,17 +31,20 @@ KIND     as in the model, but no face of what shines itself is WIDE
 """
 
 
-@compiled
 def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, faces: NDArray[np.int32]) -> Floats:
     """Return the table of a GBuffer. faces: (K, 2) as from draw."""
-    table, owner = np.empty((faces.shape[0], SURFACE), np.float32), -1
-    turn, shift = np.empty((3, 3)), np.empty(3)
+    table = np.empty((len(faces), SURFACE), np.float32)
     # A mirror image of a camera sees a face turn the other way round.
-    a, b, c = pinhole.axes
-    # Their triple product, since numpy's cross product takes two seconds to compile.
-    hand = np.sign(
-        (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2]
-    )
+    hand = np.sign(np.cross(pinhole.axes[0], pinhole.axes[1]) @ pinhole.axes[2])
+    _prepare(model, instances, lit, pinhole, hand, faces, table)
+    return table
+
+
+@compiled
+def _prepare(
+    model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, hand: float, faces: NDArray[np.int32], table: Floats
+) -> None:
+    owner, turn, shift = -1, np.empty((3, 3)), np.empty(3)
     for number in range(faces.shape[0]):
         face, instance = faces[number]
         if instance != owner:
@@ -53,7 +56,6 @@ def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, face
         if lit.glow[instance] > ZERO and model.kind[face] == WIDE:
             table[number, KIND] = SMALL
         table[number, DENSITY] = model.density[face] / pinhole.focal
-    return table
 
 
 @internal

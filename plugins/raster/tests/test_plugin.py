@@ -24,7 +24,10 @@ def test_it_works_where_no_cache_can_be_written(tmp_path):
     """A file instead of a folder: nobody, not even root, can write below it."""
     blocked = tmp_path / "file"
     blocked.touch()
-    code = "from humanclaw_raster import shading; print(shading._swing(4).shape)"
+    code = (
+        "import numpy as np; from humanclaw_raster import packing; texels = np.zeros(1, np.int32); "
+        "packing._fill(np.ones(3, np.uint8), np.array([[0, 1, 1]], np.int32), texels); print(texels)"
+    )
     surroundings = os.environ | {"NUMBA_CACHE_DIR": str(blocked / "cache")}
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, env=surroundings)
-    assert done.stdout == "(4, 8, 2, 4)\n", done.stderr
+    assert done.stdout == "[65793]\n", done.stderr

@@ -109,7 +109,10 @@ def hold_back(speeds: Array, most: float, fastest: float) -> None:
         share = min(1.0, most / max(_length(speeds[joint]), _SMALL))
         for axis in range(3):
             speeds[joint, axis] *= share
-    speeds *= min(1.0, fastest / max(_reached(speeds), 1e-9))
+    share = min(1.0, fastest / max(_reached(speeds), 1e-9))
+    for joint in range(N_JOINTS):
+        for axis in range(3):
+            speeds[joint, axis] *= share
 
 
 @compiled
@@ -119,9 +122,12 @@ def link_speed(speeds: Array, way: Array, leaf: float) -> float:
     Each joint carries its links at most by its speed times their distance. Or the links move as in the motion, at most
     at `leaf`, and joints that catch up add to it.
     """
-    late = speeds - way * FPS
+    late = np.empty((N_JOINTS, 3))
+    for joint in range(N_JOINTS):
+        for axis in range(3):
+            late[joint, axis] = speeds[joint, axis] - way[joint, axis] * FPS
     # The root's speed and way are not in the same frame.
-    late[0, 0], late[0, 1:] = abs(_length(speeds[0]) - _length(way[0]) * FPS), 0.0
+    late[0, 0], late[0, 1], late[0, 2] = abs(_length(speeds[0]) - _length(way[0]) * FPS), 0.0, 0.0
     # An element of an array has no type.
     return min(_reached(speeds), leaf + _reached(late))  # type: ignore[no-any-return]
 
@@ -131,9 +137,11 @@ def _reached(speeds: Array) -> float:
     """Return a bound of the links' speeds relative to the pelvis, m/s."""
     most, links = 0.0, np.zeros(_REACH.shape[1])
     for joint in range(N_JOINTS):
-        links += _length(speeds[joint]) * _REACH[joint]
-    for link in links:
-        most = max(most, link)
+        speed = _length(speeds[joint])
+        for link in range(links.size):
+            links[link] += speed * _REACH[joint, link]
+    for link in range(links.size):
+        most = max(most, links[link])
     return most
 
 
