@@ -562,6 +562,20 @@ def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, chec
     assert [(fault.check, told in fault.message) for fault in report.faults] == [(check, True)]
 
 
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        (((0, 0, 0), (0, -1.4)), r"key 2 of head is \(0, -1\.4\); expected three finite numbers, got 2"),
+        ((0.5, 0), "key 1 of head is 0.5; expected three finite numbers, got 1"),
+        (((0, 0, 0), (0, None, 0)), r"key 2 of head is \(0, None, 0\); .*, got 2"),
+        (((0, 0, 0), (0, 0, 0, 0)), r"key 2 of head .*, got 4"),
+    ],
+)
+def test_a_key_without_three_numbers_is_told_with_its_place(keys, told):
+    with pytest.raises(MotionError, match=told):
+        Keyframes((0.0, 0.5), {"head": keys})
+
+
 def test_degrees_in_place_of_radians_are_suspected():
     with pytest.raises(MotionError, match="head has a key of 20; keys are radians, not degrees"):
         Keyframes((0.0, 2.0, 4.0), {"head": ((0, 0, 0), (0, -20, 0), (0, 0, 0))})

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -85,8 +86,7 @@ class Keyframes:
         for joint, keys in {**self.rotations, **({"root": self.root} if len(self.root) else {})}.items():
             if len(keys) != len(self.times):
                 raise MotionError("keyframes-times", f"{joint} has {len(keys)} keys for {len(self.times)} times")
-            if np.shape(keys) != (len(keys), 3) or not np.isfinite(keys).all():
-                raise MotionError("keyframes-finite", f"{joint} has keys that are not three finite numbers each")
+            _check_keys(joint, keys)
             most = 0.0 if joint == "root" else np.abs(keys).max()
             if most > WHOLE_TURN:
                 raise MotionError("keyframes-finite", f"{joint} has a key of {most:g}; keys are radians, not degrees")
@@ -165,6 +165,19 @@ class Keyframes:
             times = np.array([0.0, *times])
             keys = np.concatenate([np.zeros((1, 3)), keys - [0.0, pose.root[-1, 1], 0.0]])
         return np.asarray(_smooth(clock, times, keys))
+
+
+def _check_keys(joint: str, keys: Sequence[Any]) -> None:
+    """Raise MotionError for the first key that is not three finite numbers."""
+    with suppress(TypeError, ValueError):  # Texts, or keys of several lengths.
+        if np.shape(keys) == (len(keys), 3) and np.isfinite(keys).all():
+            return
+    for number, key in enumerate(keys, 1):
+        values = tuple(key) if isinstance(key, Iterable) else (key,)
+        count = sum(isinstance(value, Real) and math.isfinite(value) for value in values)
+        if (len(values), count) != (3, 3):
+            reason = f"key {number} of {joint} is {key!r:.{LONGEST_FAULT}}; expected three finite numbers, got {count}"
+            raise MotionError("keyframes-finite", reason)
 
 
 def whole_chunks(seconds: float) -> int:
