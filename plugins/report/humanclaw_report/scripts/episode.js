@@ -112,7 +112,7 @@ class Player {
     find("step-now").textContent = `Step ${moment.step} of ${this.moments[this.moments.length - 1].step}`;
     find("call-now").textContent = moment.call;
     find("words-now").textContent = moment.words;
-    find("touch-now").textContent = moment.touches ? `Touches ${moment.touches}` : "";
+    find("touch-now").textContent = moment.touches ? `In contact: ${moment.touches}` : "";
     find("distance-now").textContent = moment.distance === null ? "" : `${moment.distance.toFixed(2)} m`;
     this.rows.forEach((other, k) => (k === index ? other.setAttribute("aria-current", "step") : other.removeAttribute("aria-current")));
     this.follow(row);
