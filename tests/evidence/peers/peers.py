@@ -30,7 +30,7 @@ HERE: Final = Path(__file__).parent
 DOCS: Final = HERE.parents[2] / "docs"
 PAGE: Final = DOCS / "results" / "speed.md"
 NEEDS: Final = {
-    "ours": ("onnxruntime", "onnx", "openvino", "panda3d"),
+    "ours": ("onnxruntime", "onnx", "openvino", "panda3d", "vtk"),
     # robosuite 1.5 fails with later versions of MuJoCo.
     "steps": ("gymnasium[mujoco]", "robosuite", "mujoco==3.3.7"),
     "start": ("llm", "inspect-ai"),
@@ -42,6 +42,7 @@ RENDERERS: Final = {
     "ours": "ours",
     "tinydisplay": "Panda3D's tinydisplay (unlit, no depth)",
     "llvmpipe": "Panda3D on llvmpipe (unlit)",
+    "vtk": "VTK on llvmpipe (headlight, no shadows)",
     "mujoco": "MuJoCo on llvmpipe (no window light)",
     "tiny": "Bullet's TinyRenderer (no shadows, surfaces flicker)",
 }

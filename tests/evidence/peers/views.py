@@ -141,6 +141,56 @@ def llvmpipe(body: Body) -> Draw:
     return tinydisplay(body, "p3headlessgl")
 
 
+def vtk(body: Body) -> Draw:
+    from vtkmodules import all as kit
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+
+    window, colours, ids, eye = kit.vtkRenderWindow(), kit.vtkRenderer(), kit.vtkRenderer(), kit.vtkCamera()
+    window.SetOffScreenRendering(True)
+    window.SetMultiSamples(0)
+    window.SetSize(SIZE, SIZE)
+    eye.SetViewAngle(90)
+    eye.SetClippingRange(NEAR, FAR)
+    for root in (ids, colours):
+        root.SetActiveCamera(eye)
+        window.AddRenderer(root)
+    for number, corners, uv, texture in parts(body.scene):
+        data, points, faces, pixels = kit.vtkPolyData(), kit.vtkPoints(), kit.vtkCellArray(), kit.vtkImageData()
+        points.SetData(numpy_to_vtk(corners.astype(np.float32), deep=True))
+        faces.SetData(3, numpy_to_vtkIdTypeArray(np.arange(len(corners)), deep=True))
+        data.SetPoints(points)
+        data.SetPolys(faces)
+        data.GetPointData().SetTCoords(numpy_to_vtk(uv.astype(np.float32), deep=True))
+        pixels.SetDimensions(*texture.shape[1::-1], 1)
+        pixels.GetPointData().SetScalars(numpy_to_vtk(texture.reshape(-1, 3), deep=True))
+        mapper, drawn, flat, image = kit.vtkPolyDataMapper(), kit.vtkActor(), kit.vtkActor(), kit.vtkTexture()
+        mapper.SetInputData(data)
+        image.SetInputData(pixels)
+        image.MipmapOn()
+        image.InterpolateOn()
+        drawn.SetTexture(image)
+        flat.GetProperty().LightingOff()
+        flat.GetProperty().SetColor(number / 255, 0, 0)
+        for root, actor in ((colours, drawn), (ids, flat)):
+            actor.SetMapper(mapper)
+            root.AddActor(actor)
+    rgb, depth, box = kit.vtkUnsignedCharArray(), kit.vtkFloatArray(), (0, 0, SIZE - 1, SIZE - 1)
+
+    def draw(camera: Camera) -> np.ndarray:
+        eye.SetPosition(*camera.position)
+        eye.SetFocalPoint(*(camera.position + camera.forward))
+        eye.SetViewUp(*camera.up)
+        for root in (ids, colours):
+            ids.SetDraw(root is ids)
+            colours.SetDraw(root is colours)
+            window.Render()
+            window.GetPixelData(*box, 0, rgb, 0)
+        window.GetZbufferData(*box, depth)
+        return vtk_to_numpy(rgb).reshape(SIZE, SIZE, 3)[::-1]
+
+    return draw
+
+
 def main(name: str, picture: str) -> None:
     body, taken = Body("house:0"), []
     ahead, draw = ego_camera(body.state().body, SIZE, GAZES["far"]), globals()[name](body)
