@@ -169,6 +169,7 @@ def vtk(body: Body) -> Draw:
         image.MipmapOn()
         image.InterpolateOn()
         drawn.SetTexture(image)
+        drawn.GetProperty().SetAmbient(0.5)  # Its light is the camera's: walls along the view would be black.
         flat.GetProperty().LightingOff()
         flat.GetProperty().SetColor(number / 255, 0, 0)
         for root, actor in ((colours, drawn), (ids, flat)):
