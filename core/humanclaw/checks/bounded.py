@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import contextvars
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from traceback import walk_stack
 from typing import TypeVar
 
 T = TypeVar("T")
 
 
 class OverdueError(TimeoutError):
-    """A call that did not return in time."""
+    """A call that did not return in time. stood: file and line of each of its frames then, the innermost first."""
+
+    def __init__(self, message: str, stood: tuple[tuple[str, int], ...] = ()) -> None:
+        super().__init__(message)
+        self.stood = stood
 
 
 def bounded(seconds: float, function: Callable[[], T]) -> T:
@@ -33,10 +39,13 @@ def bounded(seconds: float, function: Callable[[], T]) -> T:
             answer.set_exception(error)
 
     # A pool would join its threads as the process ends, and so wait for an overdue call for ever.
-    threading.Thread(target=work, name="plugin", daemon=True).start()
+    thread = threading.Thread(target=work, name="plugin", daemon=True)
+    thread.start()
     try:
         return answer.result(seconds)
     except TimeoutError:
         if answer.done():  # The function itself raised it.
             raise
-        raise OverdueError(f"it did not return within {seconds:g} s") from None
+        frame = sys._current_frames().get(thread.ident or 0)
+        stood = tuple((each.f_code.co_filename, line) for each, line in walk_stack(frame)) if frame else ()
+        raise OverdueError(f"it did not return within {seconds:g} s", stood) from None

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from inspect import unwrap
 from pathlib import Path
 from traceback import extract_tb, format_exception_only
 from typing import Final, TypeAlias
@@ -123,7 +124,8 @@ class Measured:
         except KeyboardInterrupt:
             raise
         except OverdueError as error:  # It still runs, and would do so for each further episode.
-            raise HumanclawError(f"{self._failed_on(recorded)}: {error}.", _REMEDY) from None
+            stood = _stood(self.measure, error)
+            raise HumanclawError(f"{self._failed_on(recorded)}: {error}{stood}.", _REMEDY) from None
         except BaseException as error:
             reason = format_exception_only(error)[-1].strip()
             _LOG.error("%s: %s%s. %s", self._failed_on(recorded), reason, _place(error), _REMEDY)
@@ -139,6 +141,13 @@ def _place(error: BaseException) -> str:
     frames = extract_tb(error.__traceback__)
     last = max(place for place, frame in enumerate(frames) if frame.filename in (__file__, own.__file__))
     return "".join(f" ({frame.filename}, line {frame.lineno})" for frame in frames[last + 1 : last + 2])
+
+
+def _stood(measure: Callable[..., object], error: OverdueError) -> str:
+    """Return the file of an overdue function and the line that it had reached, as _place does."""
+    code = getattr(unwrap(measure), "__code__", None)
+    lines = [line for file, line in error.stood if code and file == code.co_filename]
+    return f" ({code.co_filename}, line {lines[0]})" if code and lines else ""
 
 
 def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:

@@ -206,7 +206,8 @@ def test_a_function_that_never_returns_ends_the_table(run, file, monkeypatch):
     file.write_text(FILE.replace("return BODY", "import time; time.sleep(3)"))
     refused = CliRunner().invoke(bench, ["table", str(run), "--plugin", str(file)]).exception
     assert "task 'stopped_ahead' of plugin 'mine' failed on episode" in str(refused)
-    assert "it did not return within 0.3 s. Mend it, then score the run again." in str(refused)
+    reason = f"it did not return within 0.3 s ({file}, line 13). Mend it, then score the run again."
+    assert reason in str(refused)
 
 
 @pytest.mark.parametrize(
