@@ -21,15 +21,16 @@ from humanclaw.cli import counted, legible
 from humanclaw.records import REPORT
 from humanclaw.storage import Folder, lacking
 from humanclaw_bench.conditions import labels, summary
-from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, estimate
+from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, SOLVED, estimate
 from humanclaw_bench.replay import Replayed
 from humanclaw_bench.scoring import Extra
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import NAME, ScoredRun, Submission, read
 from humanclaw_bench.verification import known_split
 
-RATES: Final = (INTERACT, ARRIVE, NAV, FIND)
-"""The ranked rates, from last to first stage: the first one ranks."""
+RATES: Final = (SOLVED, INTERACT, ARRIVE, NAV, FIND)
+"""The ranked rates, from last to first stage: the first one ranks, of those that a table has. Only own tasks, hands,
+questions and partners have SOLVED; elsewhere its column is hidden."""
 WHOLE: Final = "whole"
 """Result of records that are what run.json and submission.json say."""
 _INDEX: Final = "index.html"
@@ -143,6 +144,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
         apart=_labelled([entry for entry in submitted if entry.apart]),
         unread=unread,
         rates=RATES,
+        meanings=RATES[not any(entry.rates[0].count for entry in submitted) :],
         made=datetime.now(UTC).date().isoformat(),
     )
     out = checks.out or folder

@@ -245,4 +245,7 @@ def test_a_task_named_like_a_shipped_split_is_refused(file):
 def test_a_run_of_an_own_task_is_submitted_and_ranked(run, file):
     call("submit", run, "--who", "A", "--plugin", file)
     call("leaderboard", run.parent, "--any-pace", "--plugin", file)
-    assert "cannot be scored" not in (run.parent / "index.html").read_text()
+    page = (run.parent / "index.html").read_text()
+    assert "cannot be scored" not in page
+    assert "<th scope='col'>agent</th><th scope='col'>solved</th>" in page
+    assert "</th><td>50.0% [" in page
