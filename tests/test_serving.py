@@ -57,13 +57,6 @@ def test_only_names_of_this_machine_and_pages_of_its_own_are_answered(serving, h
 
 
 @pytest.mark.integration
-def test_a_server_for_others_answers_every_host_name_but_no_page(serving, monkeypatch):
-    monkeypatch.setattr(serving, "server_address", ("0.0.0.0", serving.server_port))
-    assert serving.knows("gpu-7.example:80", None)
-    assert not serving.knows("gpu-7.example:80", "http://gpu-7.example:80")
-
-
-@pytest.mark.integration
 @pytest.mark.parametrize("length", ["10", "-1", "9" * 5000, "1e3", "", "3, 3"])
 def test_a_body_of_no_length_or_too_many_bytes_is_none(serving, length):
     assert asked(serving, "POST", b"abc", **{"Content-Length": length}) == (200, b"")

@@ -25,12 +25,12 @@ _OWN: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
 
 
 @contextmanager
-def listening(port: int, host: str = HOST) -> Iterator[None]:
+def listening(port: int) -> Iterator[None]:
     """Raise HumanclawError if the block cannot listen there."""
     try:
         yield
     except OSError as error:
-        reason = f"cannot listen on port {port} of {host}: {error.strerror}."
+        reason = f"cannot listen on port {port} of {HOST}: {error.strerror}."
         raise HumanclawError(reason, "Name another port; 0 picks a free one.") from error
 
 
@@ -72,21 +72,18 @@ class Handler(BaseHTTPRequestHandler):
 
 
 class Server(ThreadingHTTPServer):
-    """Listens, here only unless another host is named. Each connection has a thread and a timeout."""
+    """Listens to this machine alone. Each connection has a thread and a timeout."""
 
     request_queue_size = BACKLOG
 
-    def __init__(self, handler: type[Handler], port: int = 0, host: str = HOST) -> None:
+    def __init__(self, handler: type[Handler], port: int = 0) -> None:
         """Listen; port 0 takes any free one. Raises HumanclawError if that is not possible."""
-        with listening(port, host):
-            super().__init__((host, port), handler)
+        with listening(port):
+            super().__init__((HOST, port), handler)
 
     def knows(self, host: str, origin: str | None) -> bool:
-        """Whether a request may come with this Host and Origin. By which names others reach this machine is unknown,
-        but a page in a browser may only ask where it came from."""
-        ours = bool(_OWN.fullmatch(host))
-        public = not _OWN.fullmatch(str(self.server_address[0]))
-        return (ours and origin in (None, f"http://{host}")) or (public and origin is None)
+        """Whether a request may come with this Host and Origin: a page in a browser may only ask where it came from."""
+        return bool(_OWN.fullmatch(host)) and origin in (None, f"http://{host}")
 
     def until_interrupted(self) -> None:
         """Serve until Ctrl-C."""

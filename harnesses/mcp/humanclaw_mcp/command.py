@@ -129,7 +129,7 @@ def _hang_ups() -> list[signal.Signals]:
     return [signal.SIGHUP] if os.name != "nt" and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
 
 
-async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
+async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None]) -> None:
     """Serve until interrupted. announce: gets the URL. Raises HumanclawError if the port is taken."""
     with ExitStack() as opened:
         with listening(port):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import HumanclawError, Scene
-from humanclaw.body import SKINS, Array, Motion, Skin, matrix_from_quaternion, skin
+from humanclaw.body import SKINS, Array, Motion, matrix_from_quaternion, skin
 from humanclaw.world import BODY_ID, Camera, View, WorldState, body_numbers
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
@@ -54,13 +54,8 @@ class RasterRenderer:
     Empty pixels have id 0, infinite depth and the colour of the sky. Not thread-safe.
     """
 
-    def __init__(self, *, looks: Skin | None = None) -> None:
-        """Create a renderer without a scene.
-
-        looks: what the body looks like. By default that of its number among the people of its world: without others it
-        is the first of humanclaw.body.SKINS.
-        """
-        self._looks = looks
+    def __init__(self) -> None:
+        """Create a renderer without a scene."""
         self._loaded: _LoadedScene | None = None
 
     def load(self, scene: Scene) -> None:
@@ -72,8 +67,9 @@ class RasterRenderer:
         # Freed before packing: two scenes at once would fragment the heap of a process that visits many houses.
         self.close()
         names = sorted({obj.asset for obj in scene.objects})
+        # A body looks like its number among the people of its world: without others it is the first.
         own, *looks = [SKINS[number % len(SKINS)] for number in body_numbers(others)]
-        body = Person(self._looks or skin(own))
+        body = Person(skin(own))
         people = {key: Person(skin(looks[k]), len(names) + 1 + k) for k, key in enumerate(others)}
         model = _model(scene, names, [body, *people.values()])
         self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}

@@ -142,14 +142,16 @@ def house(scene: Scene) -> dict[str, Any]:
     names, called = sorted({obj.asset for obj in scene.objects}), named(scene)
     meshes = [_mesh(scene.assets[name]) for name in names]
     pictures: dict[bytes, int] = {}
-    which = [pictures.setdefault(_picture(mesh), len(pictures)) for mesh in meshes]
+    which = [pictures.setdefault(jpeg(mesh.texture, quality=82), len(pictures)) for mesh in meshes]
+    # An index counts within its mesh, so that two bytes hold it unless a mesh has more vertices.
+    index = np.uint16 if max(len(mesh.vertices) for mesh in meshes) < 65536 else np.uint32
     starts = np.cumsum([[0, 0], *([len(m.vertices), len(m.faces)] for m in meshes)], axis=0)
     arrays = {
         "vertices": np.round(np.concatenate([m.vertices for m in meshes]) * MILLIMETRES)
         .clip(-32768, 32767)
         .astype(np.int16),
         "uv": np.round(np.concatenate([m.uv for m in meshes]).clip(0, 1) * 65535).astype(np.uint16),
-        "faces": np.concatenate([m.faces for m in meshes]).astype(np.uint16 if _short(meshes) else np.uint32),
+        "faces": np.concatenate([m.faces for m in meshes]).astype(index),
     }
     assets = [
         {"vertices": [int(a[0]), int(b[0])], "faces": [int(a[1]), int(b[1])], "picture": picture}
@@ -163,10 +165,6 @@ def house(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _short(meshes: Sequence[Mesh]) -> bool:
-    return max(len(mesh.vertices) for mesh in meshes) < 65536
-
-
 def _object(scene: Scene, key: int, names: Sequence[str], called: str) -> dict[str, Any]:
     obj = scene.by_id[key]
     low, high = scene.aabb(key)
@@ -178,10 +176,6 @@ def _object(scene: Scene, key: int, names: Sequence[str], called: str) -> dict[s
         "place": [*obj.position, *obj.rotation],
         "box": [low.round(3).tolist(), high.round(3).tolist()],
     }
-
-
-def _picture(mesh: Mesh) -> bytes:
-    return jpeg(mesh.texture, quality=82)
 
 
 def _mesh(asset: Asset) -> Mesh:

@@ -114,8 +114,9 @@ def _ground(runs: list[slice], heights: Array) -> Array:
     return ground
 
 
-def _steady(points: Array, window: int = 2 * FPS) -> Array:
-    """Return the mean of a short stance, or the moving average of a long one, whose capture may drift slowly."""
+def _steady(points: Array) -> Array:
+    """Return the mean of a stance (T, 3), or the moving average over two seconds of a longer one."""
+    window = 2 * FPS  # The capture of a longer stance may drift slowly.
     if len(points) <= window:
         return np.broadcast_to(points.mean(axis=0), points.shape)
     padded = np.pad(points, ((window // 2, window - window // 2 - 1), (0, 0)), mode="edge")

@@ -139,11 +139,12 @@ def _gait(walk: Motion) -> Array:
     return np.asarray(fit)
 
 
-def _sway(idle: Motion, limit: float = 0.06, window: int = 31) -> Array:
-    """Return slow deviations from the clip's median (T, CHANNELS), kept small because the camera is in the head."""
+def _sway(idle: Motion) -> Array:
+    """Return deviations from the clip's median (T, CHANNELS), radians, smoothed over a second."""
+    limit = 0.06  # Small, because the camera is in the head.
     values = channels(idle)
     values = values - np.median(values, 0)
-    kernel = np.hanning(window + 2)[1:-1]
+    kernel = np.hanning(33)[1:-1]
     smooth = np.stack([np.convolve(column, kernel / kernel.sum(), "valid") for column in values.T], 1)
     smooth[:, 2] = 0.0
     return np.asarray(limit * np.tanh(smooth / limit))
