@@ -11,7 +11,17 @@ from hosting import plugin
 
 from humanclaw import Body, Call, Episode, Plugins, run_episode
 from humanclaw.errors import CheckpointError, HumanclawError, ProviderError, RecordError, SceneError
-from humanclaw.records import Answer, Decision, RecordedEpisode, Refusal, Verdict, free_episode, write_record
+from humanclaw.records import (
+    Answer,
+    Decision,
+    RecordedEpisode,
+    Refusal,
+    Verdict,
+    free_episode,
+    read_episodes,
+    write_episodes,
+    write_record,
+)
 from humanclaw.testing import ScriptedAgent
 
 STOP = Call("stop")
@@ -54,6 +64,16 @@ def test_a_legal_call_moves_the_body_by_half_a_second(play):
     assert first.status == "executed"
     assert first.motion_frames == 15
     assert 0.2 < math.dist(first.start, first.end) < 0.6
+
+
+def test_a_folder_may_be_a_text(body, house, tmp_path):
+    spec = free_episode("find a couch", house, max_steps=1)
+    run_episode(body, spec, ScriptedAgent([STOP]), folder=str(tmp_path / "episode"))
+    (tmp_path / "mine.py").write_text("")
+    assert RecordedEpisode(str(tmp_path / "episode")).record.outcome == "stopped"
+    assert Plugins.discover([str(tmp_path / "mine.py")]).info("mine").error == ""
+    write_episodes(str(tmp_path / "mine.jsonl"), [spec])
+    assert read_episodes(str(tmp_path / "mine.jsonl")) == (spec,)
 
 
 def test_a_body_begins_in_the_stance_that_its_first_motion_continues(body, house):

@@ -55,7 +55,7 @@ class Episode:
         agent: Agent | str = "",
         verifier: Verifier | None = None,
         *,
-        folder: Path | Folder | None = None,
+        folder: Path | str | Folder | None = None,
         options: Mapping[str, Any] | None = None,
         distance: DistanceFactory | None = None,
         replay: Sequence[StepRecord] = (),

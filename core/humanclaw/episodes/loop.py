@@ -22,7 +22,7 @@ def run_episode(
     agent: Agent,
     verifier: Verifier | None = None,
     *,
-    folder: Path | Folder | None = None,
+    folder: Path | str | Folder | None = None,
     options: Mapping[str, Any] | None = None,
     distance: DistanceFactory | None = None,
     meter: Meter | None = None,

@@ -32,7 +32,7 @@ from humanclaw.world.scene import GROUND, Scene
 from humanclaw.world.simulator import Chunk
 
 
-def begin_folder(body: Body, record: EpisodeRecord, folder: Path | Folder | None) -> EpisodeWriter:
+def begin_folder(body: Body, record: EpisodeRecord, folder: Path | str | Folder | None) -> EpisodeWriter:
     """Return the writer of an episode whose body stands at its start: five frames, with which motion begins."""
     movable = (obj for obj in body.scene.objects if obj.movable)
     at_rest = {f"object_{obj.id}": np.array([*obj.position, *obj.rotation], float) for obj in movable}

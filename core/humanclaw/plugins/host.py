@@ -80,7 +80,9 @@ class Plugins:
 
     # -- adding plugins ------------------------------------------------------------------------------------------------
     @classmethod
-    def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice(), absent: Collection[str] = ()) -> Plugins:
+    def discover(
+        cls, files: Sequence[Path | str] = (), choice: Choice = Choice(), absent: Collection[str] = ()
+    ) -> Plugins:
         """Load every installed plugin that the choice allows, then the given files but for installed packages.
 
         absent: plugins that stay unloaded, whatever the choice, because their code plays elsewhere.
@@ -93,7 +95,7 @@ class Plugins:
         host = cls(choice)
         with redirect_stdout(sys.stderr):
             host._add_installed(absent)
-            for path in map(package_in, files):
+            for path in map(package_in, map(Path, files)):
                 if not any(is_from(plugin, path / "__init__.py") for plugin in host._manager.get_plugins()):
                     host._add_file(path)
             host._check_choice()

@@ -18,14 +18,14 @@ SPLIT: Final = 64 * MIB
 """Maximum bytes of a file of episodes; 1,218 episodes take half a MiB."""
 
 
-def read_episodes(path: Path, data: bytes | None = None) -> tuple[EpisodeSpec, ...]:
+def read_episodes(path: Path | str, data: bytes | None = None) -> tuple[EpisodeSpec, ...]:
     """Read a file of episodes, one a line. data: its content, if it has been read.
 
     Raises HumanclawError for an unreadable file, a malformed line, or an id that occurs twice. Ids name folders, so
     they are compared without regard to case.
     """
     try:
-        data = read_file(path, SPLIT) if data is None else data
+        data = read_file(Path(path), SPLIT) if data is None else data
     except OSError as error:
         raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Name a file of episodes.") from error
     if not data.strip():
@@ -53,9 +53,10 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
     return spec
 
 
-def write_episodes(path: Path, specs: Sequence[EpisodeSpec]) -> None:
+def write_episodes(path: Path | str, specs: Sequence[EpisodeSpec]) -> None:
     """Write episodes to a file, one a line. Raises RecordError if it cannot be written."""
     lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
+    path = Path(path)
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         Folder(path.parent).write(path.name, "".join(lines).encode())

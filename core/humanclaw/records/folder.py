@@ -33,7 +33,7 @@ class EpisodeWriter:
     """
 
     def __init__(
-        self, folder: Path | Folder | None, record: EpisodeRecord, at_rest: Mapping[str, Array] | None = None
+        self, folder: Path | str | Folder | None, record: EpisodeRecord, at_rest: Mapping[str, Array] | None = None
     ) -> None:
         """Begin with an episode without steps.
 

@@ -49,7 +49,7 @@ _ARRAY: Final = re.compile(r"(?:(?:generated|simulated)_(root|rotations)|(object
 class RecordedEpisode:
     """An episode folder, read back. Raises RecordError, with file and line, if anything in it is damaged."""
 
-    def __init__(self, folder: Path | Folder) -> None:
+    def __init__(self, folder: Path | str | Folder) -> None:
         self.files = Folder.of(folder)
         self.folder = folder = self.files.path
         self.record = _read_record(self.files)

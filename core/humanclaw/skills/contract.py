@@ -150,9 +150,10 @@ class Skill:
         return f"Call {self.name} with {{{', '.join(parts)}}}."
 
     @classmethod
-    def from_folder(cls, folder: Path) -> Self:
+    def from_folder(cls, folder: Path | str) -> Self:
         """Load schema.json, checklist.toml (optional) and the place of adapter.safetensors; the folder names the
         skill."""
+        folder = Path(folder)
         schema = read_schema(folder)
         adapter, (checks, faults) = folder / "adapter.safetensors", read_checks(folder / "checklist.toml")
         for fault in faults:

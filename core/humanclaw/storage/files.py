@@ -46,8 +46,8 @@ class Folder:
     """The folder's place below root: links there are refused."""
 
     @classmethod
-    def of(cls, folder: Path | Folder) -> Folder:
-        return folder if isinstance(folder, Folder) else cls(folder)
+    def of(cls, folder: Path | str | Folder) -> Folder:
+        return folder if isinstance(folder, Folder) else cls(Path(folder))
 
     @property
     def path(self) -> Path:
