@@ -59,6 +59,12 @@ def _commands(command, words):
         yield from _commands(found.load() if isinstance(found, LazyCommand) else found, f"{words} {name}")
 
 
+def test_the_page_of_commands_lists_those_that_the_help_lists():
+    told = CliRunner(env={"COLUMNS": "110"}).invoke(build(Plugins.discover), ["--help"]).output
+    page = (ROOT / "docs" / "commands.md").read_text("utf-8")
+    assert f"```text\n{told[told.index('Commands:') :].rstrip()}\n```" in page
+
+
 def test_a_command_that_is_listed_unloaded_is_told_in_its_own_words(plugins):
     commands = build(lambda: plugins)
     context = click.Context(commands)
