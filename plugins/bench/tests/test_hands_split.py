@@ -88,9 +88,10 @@ def test_an_instruction_names_one_thing_alone():
     assert names == ["the cup", "", ""]
 
 
+@pytest.mark.parametrize("kind", ["--hands", "--two"])
 @pytest.mark.parametrize("option", ["--secret", "--train", "--starts"])
-def test_an_option_that_has_no_effect_on_splits_for_hands_is_refused(tmp_path, option):
-    told = CliRunner().invoke(bench, ["generate", "--hands", option, "3", "--out", str(tmp_path)])
+def test_an_option_that_has_no_effect_on_a_split_is_refused(tmp_path, kind, option):
+    told = CliRunner().invoke(bench, ["generate", kind, option, "3", "--out", str(tmp_path)])
     assert told.exit_code == 2
     assert f"{option} has no effect" in told.output
 

@@ -207,15 +207,17 @@ def test_records_are_the_same_on_both_sides_of_the_wall(play):
     assert RecordedEpisode(apart / "toy-0").record.settings["apart"] == {"agent": "process"}
 
 
-def test_an_agent_recalls_its_steps_with_their_views(play):
-    recalls = """
+RECALLS = """
 class Mine(Agent):
     def decide(self, observation, history):
         told = [(e.step, str(e.executed), e.rgb.shape, int(e.rgb.mean())) for e in history]
         call = Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30})
         return Decision((call,), visible_state=repr(told))
 """
-    _, folder = play(recalls)
+
+
+def test_an_agent_recalls_its_steps_with_their_views(play):
+    _, folder = play(RECALLS)
     told = eval(RecordedEpisode(folder / "toy-0").steps[3].decision.visible_state)
     files = [folder / "toy-0" / step.frame_file for step in RecordedEpisode(folder / "toy-0").steps[:3]]
     frames = [np.asarray(Image.open(file)) for file in files]
@@ -225,20 +227,13 @@ class Mine(Agent):
 
 
 def test_an_agent_of_a_resumed_episode_gets_the_views_it_missed(play):
-    recalls = """
-class Mine(Agent):
-    def decide(self, observation, history):
-        told = [int(entry.rgb.mean()) for entry in history]
-        call = Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30})
-        return Decision((call,), visible_state=repr(told))
-"""
-    _, whole = play(recalls, name="whole")
-    _, folder = play(recalls)
+    _, whole = play(RECALLS, name="whole")
+    _, folder = play(RECALLS)
     lines = (folder / "toy-0" / "steps.jsonl").read_text().splitlines(keepends=True)
     (folder / "toy-0" / "steps.jsonl").write_text("".join(lines[:2]))
     rewrite(folder / "toy-0", outcome="running", steps=0)
     (folder / "toy-0" / "motion.npz").unlink()
-    play(recalls)
+    play(RECALLS)
     assert digests(folder) == digests(whole)
 
 

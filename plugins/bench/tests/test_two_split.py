@@ -69,13 +69,6 @@ def test_a_partner_is_written_only_where_there_is_one():
     assert spec.for_agent.partner is None
 
 
-@pytest.mark.parametrize("option", ["--secret", "--train", "--starts"])
-def test_an_option_without_effect_on_the_split_is_refused(tmp_path, option):
-    told = CliRunner().invoke(bench, ["generate", "--two", option, "3", "--out", str(tmp_path)])
-    assert told.exit_code == 2
-    assert f"{option} has no effect" in told.output
-
-
 # -- what counts -------------------------------------------------------------------------------------------------------
 def walked(*places):
     """Standing at the first of some places, and one frame at each: (x, z) or (x, z, yaw)."""
