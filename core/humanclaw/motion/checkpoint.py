@@ -92,7 +92,7 @@ class Base:
     @property
     def usual(self) -> NDArray[np.float64]:
         """Mean rotation (24, 3) of each joint in the data, radians; zero for the pelvis."""
-        joints: NDArray[np.float64] = self.normaliser.mean[6 : 3 + 3 * N_JOINTS].astype(float)
+        joints: NDArray[np.float64] = self.normaliser.mean[6 : 3 + 3 * N_JOINTS].astype(float)  # After root and pelvis.
         return np.concatenate([np.zeros(3), joints]).reshape(N_JOINTS, 3)
 
 

@@ -254,7 +254,7 @@ def _modulate(z: Array, shift: Array, scale: Array) -> Array:
 
 
 def _gelu(x: Array) -> Array:
-    """In its tanh form."""
+    """In its tanh form, 0.5 x (1 + tanh(sqrt(2 / pi) (x + 0.044715 x^3))), step by step in one array."""
     inner = x * x
     inner *= 0.044715
     inner += 1

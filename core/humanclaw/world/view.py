@@ -34,7 +34,7 @@ class Camera:
     forward: Array
     up: Array
     fov: float = 90.0
-    width: int = 512
+    width: int = 512  # The paper counts a target's pixels in 512 x 512.
     height: int = 512
 
     def __post_init__(self) -> None:

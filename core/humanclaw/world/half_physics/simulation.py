@@ -214,4 +214,4 @@ def _moved(began: Mapping[int, Array], paths: list[Mapping[int, Array]]) -> Mapp
 
 def _turned(path: Array, first: Array) -> bool:
     """Whether a path of quaternions leaves the first one by more than about half a degree."""
-    return bool((np.abs(path @ first) < 1 - 1e-5).any())
+    return bool((np.abs(path @ first) < 1 - 1e-5).any())  # Cosine of half the angle.

@@ -42,7 +42,7 @@ def capsule_frame(capsule: Capsule) -> tuple[Array, Array, float]:
     a, b = np.array(capsule.a), np.array(capsule.b)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)  # Any, but not along z.
     x /= np.linalg.norm(x)
     return (a + b) / 2, np.stack([x, np.cross(z, x), z], -1), length
 

@@ -25,10 +25,10 @@ from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB
 from humanclaw.world.meshes.parts import CLAMPED, CLEAR, MOST, PLAIN, SHINING, Part, goes_beyond, mean_of, pixels
 
-_GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
+_GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942  # "glTF", "JSON", "BIN\0".
 _TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # As OpenGL numbers them, and the types above.
 _REPEAT: Final = 10497
 """Magic numbers of GLB and its chunks, types, widths and modes of triangles: all from the specification of glTF 2.0."""
 _PIECES: Final = 20_000
@@ -69,7 +69,7 @@ def _split(data: bytes) -> tuple[Any, bytes]:
     """Return the JSON and the binary chunk of a file."""
     if data[:4] != b"glTF":
         return json.loads(data), b""
-    if len(data) < 12:
+    if len(data) < 12:  # Magic, version and size; then chunks, each behind its length and kind.
         raise SceneError(f"it has only {len(data)} bytes.", _FETCH)
     version, size = struct.unpack_from("<II", data, 4)
     if version != 2:

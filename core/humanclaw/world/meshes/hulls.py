@@ -188,10 +188,10 @@ def _thinned(points: Array) -> Array:
     corners = points[ConvexHull(points).vertices]
     if len(corners) <= 48:
         return np.asarray(corners)
-    turn = np.arange(48) * np.pi * (3 - 5**0.5)
+    turn = np.arange(48) * np.pi * (3 - 5**0.5)  # The golden angle: directions spread evenly over the sphere.
     y = 1 - (2 * np.arange(48) + 1) / 48
     ways = np.stack([np.sqrt(1 - y * y) * np.cos(turn), y, np.sqrt(1 - y * y) * np.sin(turn)])
-    ways = np.concatenate([ways, np.eye(3), -np.eye(3)], axis=1)
+    ways = np.concatenate([ways, np.eye(3), -np.eye(3)], axis=1)  # The extremes too: its bounding box stays.
     return np.asarray(corners[np.unique((corners @ ways).argmax(axis=0))])
 
 

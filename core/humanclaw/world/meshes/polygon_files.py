@@ -206,7 +206,7 @@ def _stl_bytes(data: bytes) -> Array:
     size = 84 + 50 * struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 84
     if size > len(data):
         raise ValueError(f"it ends after {len(data)} of {size} bytes")
-    held, rest = divmod(len(data) - 84, 50)
+    held, rest = divmod(len(data) - 84, 50)  # 80 bytes of header and the count; 12 floats and 2 bytes a triangle.
     if not rest and len(data) > size:
         raise ValueError(f"its header counts {(size - 84) // 50} triangles; it holds {held}")
     rows = np.frombuffer(data[84:size], [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])

@@ -177,7 +177,7 @@ class OccupancyGrid:
         near = np.clip((COMFORT - self.clearance) / (COMFORT - RADIUS), 0.0, 1.0)
         cost = 1.0 + 2.0 * near**2
         cost[gap_to(self.movable) < RADIUS] += 4.0
-        cost[self.clearance < RADIUS] += 30.0
+        cost[self.clearance < RADIUS] += 30.0  # A detour of 30 m is shorter than a metre of squeezing.
         cost[~self.fits(SQUEEZE)] = -1.0
         return np.asarray(cost)
 

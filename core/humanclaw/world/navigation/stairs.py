@@ -115,7 +115,7 @@ def _ledges(ground: Array) -> Mask:
 def _slope(ground: Array) -> Array:
     """(2, ...) gradient of the ground after it is smoothed over the 0.55 m of two steps."""
     known = np.isfinite(ground)
-    share = scipy.ndimage.uniform_filter(known.astype(float), 11)
+    share = scipy.ndimage.uniform_filter(known.astype(float), 11)  # 11 cells of 5 cm.
     smooth = scipy.ndimage.uniform_filter(np.where(known, ground, 0.0), 11) / np.maximum(share, 1e-6)
     slope = np.array(np.gradient(smooth, CELL))
     return np.where(known, slope, 0.0)
