@@ -90,6 +90,10 @@ UNSPEAKABLE = "class Odd(Exception):\n    def __str__(self):\n        raise Syst
         ("1 +", r" failed to load: SyntaxError: .*line 1"),
         ("import humanclaw as h\nh.Choice(1)\nh.skill([])(print)", r", line 3: argument 'args' of skill 'print' is"),
         (
+            "from humanclaw import EpisodeSpec\nEpisodeSpec(id='a', instructions='b', scene='c')",
+            r", line 2 failed to load: EpisodeSpec: instructions: there is no such field \(Did you mean instruction",
+        ),
+        (
             "from humanclaw import EpisodeSpec\nEpisodeSpec(max_step=2, id='a', instruction='b', scene='c')",
             r", line 2 failed to load: EpisodeSpec: max_step: there is no such field \(Did you mean max_steps\?\)\.",
         ),
@@ -195,6 +199,13 @@ def test_a_plugin_may_register_one_skill_twice_but_not_two_of_a_name():
     assert host_of("again", skills=[wave, wave]).skill("wave") is wave
     with pytest.raises(PluginError, match=r"'twice' registers two skills named 'wave'\. Rename one of them\."):
         host_of("twice", skills=[wave, replace(shrug, name="wave")])
+
+
+def test_what_is_registered_without_a_name_is_refused():
+    with pytest.raises(
+        PluginError, match=r"humanclaw_agents registers <function .* without a name\. Call register\(name"
+    ):
+        host_of("nameless", agents=[lambda options: None])
 
 
 def test_two_functions_of_one_name_in_a_plugin_are_named_with_lines():

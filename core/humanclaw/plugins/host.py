@@ -16,6 +16,7 @@ import inspect
 import logging
 import os
 import re
+import reprlib
 import sys
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -499,6 +500,9 @@ class _Gathered:
             value = self._skill(named) if kind == "skills" else named
             if value is None:
                 return
+            if not hasattr(value, "name"):
+                remedy = "Call register(name, value, description), or give what has a name, as @task makes it."
+                raise PluginError(f"{PREFIX}{kind} registers {reprlib.repr(value)} without a name.", remedy)
             named, description = value.name, value.description
         if not isinstance(named, str) or not _NAME.fullmatch(named):
             message = f"{named!r} is not a valid name for a {noun(kind)}."

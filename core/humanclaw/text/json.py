@@ -33,9 +33,10 @@ def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 def first_fault(error: ValidationError, known: Iterable[str] = ()) -> str:
     """Return the first message of pydantic, after the field that it is about: "spec.seed: Input should be ...".
 
-    known: the fields of the model, of which the nearest is named for an unknown one.
+    known: the fields of the model. Then an unknown field comes first, with the nearest: misspelt, it is missing too.
     """
-    first = error.errors(include_url=False)[0]
+    faults = error.errors(include_url=False)
+    first = next((fault for fault in faults if known and fault["type"] == "extra_forbidden"), faults[0])
     where = ".".join(map(str, first["loc"]))
     what = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden" and (near := did_you_mean(where, known)):
