@@ -44,7 +44,7 @@ def poses(episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path,
         camera = _camera(joints, 2 * np.pi * side / SIDES, (_FINE * size[0], _FINE * size[1]))
         hidden = frozenset[int]().union(*(in_the_way(shown, body, camera.position[None])[0] for body in bodies))
         gaps = np.linalg.norm(np.diff(camera.pixels(seen), axis=0), axis=1) / camera.width
-        return float(gaps.mean()) - _HIDING * len(hidden), camera, hidden
+        return float(gaps.mean() if len(gaps) else 0.0) - _HIDING * len(hidden), camera, hidden
 
     _, camera, hidden = max(map(judged, range(SIDES)), key=lambda view: view[0])
     renderer.load(loosened(shown, hidden))

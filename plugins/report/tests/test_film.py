@@ -239,6 +239,16 @@ def test_an_episode_is_one_picture_of_its_bodies(made: tuple[RecordedEpisode, Sc
         assert np.ptp(np.asarray(picture)) > 100, "the labels"
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_picture_of_a_body_that_stays_has_one_of_it(
+    made: tuple[RecordedEpisode, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episode, scene = made
+    first = episode.motion()[:15]
+    monkeypatch.setattr(RecordedEpisode, "motion", lambda episode: first)
+    assert poses(episode, scene, Painter(), tmp_path / "bodies.png", (160, 90)).is_file()
+
+
 def test_bodies_are_drawn_a_metre_apart_and_once_where_they_end() -> None:
     # It walks 3 m in 30 frames and then sways on the spot, .2 m to and fro.
     ahead = np.concatenate([np.arange(31) / 10, np.tile([3.2, 3.0], 10)])
