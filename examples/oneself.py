@@ -12,11 +12,9 @@ from PIL import Image
 from humanclaw import Body
 from humanclaw_bench.splits import load_split
 
-TURNS: list[tuple[str, dict[str, Any]]] = [("turn_in_place", {"yaw_deg": 60})] * 3
-REACH: tuple[str, dict[str, Any]] = ("reach", {"side": "left", "x_cm": 19, "y_cm": 118, "z_cm": 48})
 SHOWN: dict[str, list[tuple[str, dict[str, Any]]]] = {
-    "house-0-hand-": TURNS,
-    "house-0-hand": [*TURNS, REACH],
+    "house-0-hand-": [],
+    "house-0-hand": [("reach", {"side": "right", "x_cm": -45, "y_cm": 110, "z_cm": 30})],
     "house-34-mirror": [],
     "house-33-moved": [("walk", {"z_cm": 60})] * 2,
     "house-31-touch": [],

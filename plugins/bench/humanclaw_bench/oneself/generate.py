@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene, Skill
-from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quaternion, wrap_angle
+from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quaternion, wrap_angle, yaw_matrix
 from humanclaw.records import Goal, name_of
 from humanclaw.skills import Role, check_call, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
-from humanclaw_bench.oneself.scene_setups import AHEAD, CUBE, EDGE, OVER, reference
+from humanclaw_bench.oneself.scene_setups import AHEAD, EDGE, reference
 from humanclaw_bench.splits import HOUSES
 
 STEPS: Final = 10
@@ -107,8 +107,6 @@ class Question:
     """Return the answer from what was played; empty if it is on the border."""
     begin: tuple[float, float] = (0.0, 0.0)
     """Where it is played from: metres ahead of the start, and a turn, radians."""
-    away: float = 0.0
-    """Turn of the start from the place, radians."""
 
 
 @dataclass(frozen=True)
@@ -127,27 +125,25 @@ class Kind:
 
 
 def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
-    """Turn round to two people, each with a hand held out and a cube over one, and bring a hand over one of the two.
+    """Face a low mirror with the hands of two: the body, and a person of its looks who stands beside it.
 
-    What stands there does not depend on the answer, which comes about with one's own hand.
+    The mirror is turned one way or the other, which neither words nor first view tell: a movement does.
     """
-    middle, to_left = rng.uniform(-0.1, 0.1), number % 2 == 0
-    theirs = np.stack(
-        [middle + np.array([0.15, -0.15]), rng.uniform(0.95, 1.1, 2), rng.uniform(0.42, 0.5, 2)], 1
-    ).round(2)
-    at = theirs[0 if to_left else 1] + [0.0, OVER, 0.0]
-    marked = theirs[0 if to_left == (wanted == "yours") else 1]
-    cube = (marked + [0.0, OVER + CUBE, 0.0]).round(3)
-    turn, hand = rng.choice([-1.0, 1.0]) * np.pi / 3, "left" if at[0] > 0 else "right"
+    away, side = round(float(rng.uniform(1.15, 1.25)), 2), ("left", "right")[number % 2]
+    own = 1.0 if (side == "left") == (wanted == "yours") else -1.0
 
     def read(played: Played, place: Pose2D) -> str:
-        gap = float(np.linalg.norm(cube - played.hand(hand, place)[-1]))
-        return "" if abs(gap - OVER - CUBE) < 0.05 else "yours" if gap < OVER + CUBE else "another's"
+        """Tell to which side the mirror is turned: there it shows the body."""
+        is_left = float(_normal(played) @ yaw_matrix(place.yaw)[:, 0]) < 0
+        return "yours" if is_left == (side == "left") else "another's"
 
-    words = "call {0} three times, then {3}, and look. Whose hand is nearest to the red cube then?"
-    calls = (*(Asked({"heading.left": turn}),) * 3, _reach(hand, *at))
-    # At first the others are behind the body.
-    return Question("hands", (*theirs.ravel().tolist(), *cube.tolist()), words, calls, read, away=-3 * turn)
+    words = f"the low mirror ahead shows the hands of two people. Whose are those on the {side}?"
+    return Question("hands", (away, own), words, (), read)
+
+
+def _normal(played: Played) -> Array:
+    """Return where the mirror faces, (3,) in the world's frame."""
+    return matrix_from_quaternion(np.array(played.scene.of_category("mirror")[-1].rotation))[:, 2]
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -158,8 +154,7 @@ def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
     def read(played: Played, place: Pose2D) -> str:
         """Tell whether the mirror faces the body."""
         glass = played.scene.of_category("mirror")[-1]
-        normal = matrix_from_quaternion(np.array(glass.rotation))[:, 2]
-        back = float(normal @ (played.before[0].root[-1] - glass.position)) / away
+        back = float(_normal(played) @ (played.before[0].root[-1] - glass.position)) / away
         return "yes" if back > 0.98 else "no" if back < 0.95 else ""
 
     words = "the mirror on your left shows a person at first. Is it you?"
@@ -267,7 +262,7 @@ def _way(ahead: float) -> tuple[tuple[float, float], ...]:
 
 _YES_NO: Final = ("yes", "no")
 KINDS: Final = (
-    Kind("hand", ("yours", "another's"), 17, _way(0.9), _hand),
+    Kind("hand", ("yours", "another's"), 17, (*_way(0.6), (0.6, 0.3), (-0.6, 0.3), (0.4, 0.6), (-0.4, 0.6)), _hand),
     Kind("mirror", _YES_NO, 17, (*_way(0.6), (0.6, 1.0), (0.6, 0.4), (1.2, 0.4), (1.2, -0.1)), _mirror),
     Kind("moved", _YES_NO, 17, _way(1.9), _moved),
     Kind("turned", _TURNS, 6, (), _turned),
@@ -301,13 +296,12 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
     for index in rng.permutation(len(places))[:_PLAYED].tolist():
         question, place = kind.draw(wanted, k, rng), places[index]
         scene = body.plugins.scene(reference(house, question.setup, place, question.values))
-        start = replace(place, yaw=round(float(wrap_angle(place.yaw + question.away)), 3))
-        if question.read(_play(body, scene, question, start), place) == wanted:
+        if question.read(_play(body, scene, question, place), place) == wanted:
             told = question.words.format(*(asked.words(body.skills) for asked in question.calls))
             words = f"{told} Answer with one of: {'; '.join(kind.options)}."
             return EpisodeSpec(
                 id=f"{name_of(house)}-{kind.name}", instruction=words, scene=scene.name, scene_digest=scene.digest,
-                start=start, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,
+                start=place, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,
             )  # fmt: skip
     return None
 

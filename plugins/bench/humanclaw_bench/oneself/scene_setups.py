@@ -14,22 +14,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw import Plugins, Reach, Scene, SceneError
-from humanclaw.body import HISTORY, Array, Motion, Pose2D, rest_pose, skin, yaw_matrix
+from humanclaw import Plugins, Scene, SceneError
+from humanclaw.body import Array, Motion, Pose2D, skin, yaw_matrix
 from humanclaw.motion import DiTGenerator
 from humanclaw.records import Vec3
-from humanclaw.skills import part_motion
 from humanclaw.world import Mesh, SceneBuilder, box_mesh, ego_camera
 
 BESIDE: Final = np.radians(50.0)
 """Between the body and another person, seen from a mirror. It is turned by half of it, to show the other and not the
-body. The nearer they are, the more alike is the light on them."""
-CUBE: Final = 0.12
-"""Metres from a hand up to the cube that marks it."""
-OVER: Final = 0.13
-"""Metres from another's hand up to one's own, which does not touch it."""
-_ASIDE: Final = 0.62
-"""Metres from the body to a person beside it."""
+body, or by a quarter, to show both. The nearer they are, the more alike is the light on them."""
 AHEAD: Final = 1.5
 """Metres from the body to a gap or a stool."""
 EDGE: Final = 1.1
@@ -45,6 +38,12 @@ class Setup:
 
     builder: SceneBuilder
     place: Pose2D
+    heading: float = 0.0
+    """Of the body, radians."""
+
+    def body(self) -> Motion:
+        """Return the body as it stands at first."""
+        return Pose2D(0.0, 0.0, self.heading).to_world(DiTGenerator.load().start())
 
     def box(self, category: str, size: Vec3, at: Vec3, colour: tuple[int, int, int] = _WOOD, **facts: Any) -> None:
         self.builder.box(category, size, self._where(at), colour, rotation=self._turn(0.0), **facts)
@@ -91,16 +90,17 @@ def _without_shadow(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=vertices, uv=np.append(mesh.uv, mesh.uv[:1], axis=0))
 
 
-def _hands(on: Setup, *at: float) -> None:
-    """Stand a person on either side of the body, the inner hand held out, and hang a cube up.
+def _hands(on: Setup, away: float, own: float) -> None:
+    """Put up a mirror, too low for faces, that shows the body and one of two others who stand to its left and right.
 
-    at: left, up and ahead of the body, metres, of the left person's hand, the right one's, and the cube.
+    First views are alike whichever way it is turned: image and image change places. Two others, so that whoever looks
+    aside sees the same, too.
+
+    away: metres. own: 1 if the image to the left is oneself, else -1.
     """
-    for beside, (left, up, ahead) in ((_ASIDE, at[:3]), (-_ASIDE, at[3:6])):
-        reach = Reach("right" if beside > 0 else "left", (left - beside, up, ahead), seconds=0.5)
-        pose, _ = part_motion(reach, rest_pose(HISTORY))
-        on.person(pose, (beside, 0.0, 0.0))
-    on.cube((at[6], at[7], at[8]))
+    _glass(on, (0.96, 0.5, 1.25), away, own * BESIDE / 4)
+    for side in (1.0, -1.0):
+        _double(on, away, side * BESIDE)
 
 
 def _mirror(on: Setup, away: float, left: float, turned: float = 0.0) -> None:
@@ -110,15 +110,25 @@ def _mirror(on: Setup, away: float, left: float, turned: float = 0.0) -> None:
 
     away: metres. left: degrees from the heading, so that what stands beside the body is out of view.
     """
-    on = replace(on, place=replace(on.place, yaw=on.place.yaw + np.radians(left)))
-    body = Pose2D(0.0, 0.0, -np.radians(left)).to_world(DiTGenerator.load().start())
-    eye = ego_camera(body).position
-    on.sheet("frame", (0.7, 1.5, 1.2), away + 0.01, eye, turned)
-    on.sheet("mirror", (0.6, 1.4, 1.2), away, eye, turned)
-    for size in ((0.06, 0.5, 0.06), (0.5, 0.02, 0.3)):
-        on.box("stand", size, (0.0, 0.0, away + 0.05))
+    on = replace(on, place=replace(on.place, yaw=on.place.yaw + np.radians(left)), heading=-np.radians(left))
+    _glass(on, (0.6, 1.4, 1.2), away, turned)
     if turned:
-        on.person(body, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE)
+        _double(on, away, BESIDE)
+
+
+def _glass(on: Setup, size: Vec3, away: float, turned: float) -> None:
+    """Put up a mirror on a foot. size: with the height of its middle, metres."""
+    wide, high, up = size
+    eye = ego_camera(on.body()).position
+    on.sheet("frame", (wide + 0.1, high + 0.1, up), away + 0.01, eye, turned)
+    on.sheet("mirror", size, away, eye, turned)
+    for foot in ((0.06, 0.5, 0.06), (0.5, 0.02, 0.3)):
+        on.box("stand", foot, (0.0, 0.0, away + 0.05))
+
+
+def _double(on: Setup, away: float, beside: float) -> None:
+    """Stand another person beside the body: it, turned around a mirror by an angle, radians."""
+    on.person(on.body(), (away * np.sin(beside), 0.0, away * (1 - np.cos(beside))), -beside)
 
 
 def _cabinet(on: Setup, mass: float) -> None:
