@@ -55,7 +55,7 @@ def test_questions_are_asked_in_the_houses_of_val():
     assert {spec.max_steps for spec in SPLIT} == {10}
 
 
-def test_neither_words_nor_the_mirrors_turn_tell_whose_hands_are_meant():
+def test_neither_words_nor_the_turn_of_a_mirror_tell_the_answer():
     hands = [spec for spec in SPLIT if spec.goal.asks == "hand"]
     words = Counter(("on the left" in spec.instruction, spec.goal.answer) for spec in hands)
     turns = Counter((numbers(spec)[1][1], spec.goal.answer) for spec in hands)
