@@ -575,8 +575,8 @@ def installed() -> list[tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint
             folder = Path(str(getattr(dist, "_path", "unknown")))  # Nothing else names it without its metadata.
             name = canonicalize_name(folder.stem.partition("-")[0])
             odd = "a line of entry_points.txt is not as in name = module"  # Python's own error does not say so.
-            told = odd if isinstance(error, TypeError) else in_words(error)
-            info = PluginInfo(name, "", name, error=f"{folder} cannot be read: {told}. Reinstall it")
+            reason = odd if isinstance(error, TypeError) else in_words(error)
+            info = PluginInfo(name, "", name, error=f"{folder} cannot be read: {reason}. Reinstall it")
             points = ()
         plugins.setdefault(info.name, (info, () if info.error else points))
     return sorted(plugins.values(), key=lambda pair: (pair[0].name != hookspecs.PROJECT, pair[0].name))

@@ -109,13 +109,13 @@ def targeted(spec: EpisodeSpec, scene: Scene) -> EpisodeSpec:
     category = objects[0].category
     _require_agreement(spec, named, scene)
     _require_words_of(spec, asked)
-    told = spec.target_category or "interact" in spec.model_fields_set
-    sits = spec.interact if told else category in SEATS and wants_to_sit(spec.instruction)
-    found = spec.target_ids or tuple(obj.id for obj in objects)
-    seats = [scene.assets[scene.by_id[key].asset].seat_height for key in found]
+    stated = spec.target_category or "interact" in spec.model_fields_set
+    sits = spec.interact if stated else category in SEATS and wants_to_sit(spec.instruction)
+    targets = spec.target_ids or tuple(obj.id for obj in objects)
+    seats = [scene.assets[scene.by_id[key].asset].seat_height for key in targets]
     if sits and category not in SEATS and not any(seats):
         raise SceneError(f"episode {spec.id!r} asks to sit on a {category}, which is no seat.", "Leave out interact.")
-    return spec.model_copy(update={"target_category": category, "target_ids": found, "interact": sits})
+    return spec.model_copy(update={"target_category": category, "target_ids": targets, "interact": sits})
 
 
 def _require_agreement(spec: EpisodeSpec, named: str, scene: Scene) -> None:

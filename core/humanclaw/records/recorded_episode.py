@@ -84,8 +84,8 @@ class RecordedEpisode:
         # A partner's record lies inside its episode's, and all names lead from where that lies.
         inside = max((name.count("/") for name in names if name.rpartition("/")[2] == own), default=0)
         others = {person_id(k): self.folder.parents[inside] / name for k, name in enumerate(names)}
-        found = {k: path for k, path in others.items() if path != self.folder and Folder(path).has("motion.npz")}
-        return {k: RecordedEpisode(path) for k, path in found.items()}
+        folders = {k: path for k, path in others.items() if path != self.folder and Folder(path).has("motion.npz")}
+        return {k: RecordedEpisode(path) for k, path in folders.items()}
 
     def people(self) -> dict[int, Motion]:
         """Return the motion of each of company(), as long as motion(): who has ended stands."""

@@ -131,6 +131,6 @@ class SeatedSession(Session):
         """Return the state now: others may have gone on since the last call."""
         if len(episode.steps) < 2 and (free := self._house.free):
             missing = " and ".join(map(str, free))
-            told = f"Nobody has body {missing} yet: the first move waits {self._settings.patience:g} s for it."
-            feedback = f"{feedback} {told}".strip()
+            notice = f"Nobody has body {missing} yet: the first move waits {self._settings.patience:g} s for it."
+            feedback = f"{feedback} {notice}".strip()
         return replace(super()._snapshot(episode, feedback, refused), rgb=episode.body.view().rgb)

@@ -178,8 +178,8 @@ class OracleAgent(Walker):
         pose = BodyView(state)
         plan = self._plan(pose)
         name = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
-        told = next((room.told for room in self._scene.rooms if room.name == name), "")
-        here = f"I am {'on' if name == 'stairs' else 'in'} {told}." if told else "I am between two rooms."
+        room_words = next((room.told for room in self._scene.rooms if room.name == name), "")
+        here = f"I am {'on' if name == 'stairs' else 'in'} {room_words}." if room_words else "I am between two rooms."
         # The map has a column where there is a shelf: what stands on a board of it is not in one.
         last = 0.1 if self._spec.goal is None else _BOARD
         looks = (in_view(plan, self._scene, state, key, self._gaze, last) for key in self._spec.target_ids)

@@ -115,7 +115,7 @@ def _since(
 
 
 def _lift(world: World, profile: Profile, movable: Collection[int], touches: Sequence[Touch]) -> float:
-    held = [one for one in touches if _holds_back(one) and one.object_id > 0 and one.object_id not in movable]
+    held = [touch for touch in touches if _holds_back(touch) and touch.object_id > 0 and touch.object_id not in movable]
     if not held or not profile.step_offset:
         return 0.0
     soles = _soles(world.pose())

@@ -40,7 +40,7 @@ class Simulation:
         self.world, self._profile, self._broad_phase = worlds[0], profile, broad_phase
         self._scene = scene = broad_phase.scene
         self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
-        self.bodies = [DrivenBody(*one, profile, scene) for one in zip(worlds, poses, strict=True)]
+        self.bodies = [DrivenBody(*pair, profile, scene) for pair in zip(worlds, poses, strict=True)]
         self._movable = {scene_object.id for scene_object in scene.objects if scene_object.movable}
         self._objects, self._restless = self.world.objects(), True
         self._still: Mapping[int, Array] | None = None
@@ -154,16 +154,16 @@ class Simulation:
 
         felt: the contacts of each body in all parts of the step.
         """
-        for one, other in combinations(range(len(self.bodies)), 2):
-            met = [touch for touch in felt[one] if touch.object_id == person_id(other) and touch.force > 0.0]
+        for first, other in combinations(range(len(self.bodies)), 2):
+            met = [touch for touch in felt[first] if touch.object_id == person_id(other) and touch.force > 0.0]
             if not met:
                 continue
             push = np.array([touch.normal for touch in met]).T @ [touch.force for touch in met] * _LEVEL
             way = push / max(float(np.linalg.norm(push)), 1e-12)
             # To read a pose takes long: once for both calls.
-            poses = {body.drive: body.world.pose() for body in (self.bodies[one], self.bodies[other])}
+            poses = {body.drive: body.world.pose() for body in (self.bodies[first], self.bodies[other])}
             back = -sum(drive.pushed(pose, way) for drive, pose in poses.items()) / (FPS * self._profile.substeps) * way
-            if not any(_holds(touch, back) for touch in (*felt[one], *felt[other])):
+            if not any(_holds(touch, back) for touch in (*felt[first], *felt[other])):
                 for drive, pose in poses.items():
                     drive.shift(pose, back)
 
@@ -202,14 +202,14 @@ def others_of(number: int, poses: Sequence[Motion]) -> Mapping[int, Motion]:
 
 def _moved(began: Mapping[int, Array], paths: list[Mapping[int, Array]]) -> Mapping[int, Array]:
     """(frames, 7) path of each object that strayed from where it began."""
-    found = dict[int, Array]()
+    moved = dict[int, Array]()
     if all(states is began for states in paths):
-        return found
+        return moved
     for key, first in began.items():
         path = np.stack([states[key] for states in paths])
         if np.abs(path[:, :3] - first[:3]).max() > MOVED or _turned(path[:, 3:], first[3:]):
-            found[key] = path
-    return found
+            moved[key] = path
+    return moved
 
 
 def _turned(path: Array, first: Array) -> bool:

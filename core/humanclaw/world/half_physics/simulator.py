@@ -92,7 +92,7 @@ class HalfPhysics:
             rest = at_rest(self._open, scene, self._profile, self._digest)
             self._measured = BroadPhase(scene), rest
         broad_phase, rest = self._measured
-        poses = [poses_of(Pose2D(one.x, one.z, one.yaw, one.floor).to_world(rest_pose()))[0] for one in starts]
+        poses = [poses_of(Pose2D(at.x, at.z, at.yaw, at.floor).to_world(rest_pose()))[0] for at in starts]
         worlds = self._opened(scene, poses)
         try:
             for key, motion in rest.items():

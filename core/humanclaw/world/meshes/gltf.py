@@ -221,10 +221,10 @@ class _File:
 
     def named(self, kind: str, number: Any) -> Any:
         """Return one of the file's nodes, accessors and so on. Raises SceneError if it has none of this number."""
-        found = self.head.get(kind, ())
-        if number not in range(len(found)):
-            raise SceneError(f"it names number {number} of its {len(found)} {kind}.", "Export it again.")
-        return found[number]
+        items = self.head.get(kind, ())
+        if number not in range(len(items)):
+            raise SceneError(f"it names number {number} of its {len(items)} {kind}.", "Export it again.")
+        return items[number]
 
     # -- data ----------------------------------------------------------------------------------------------------------
     def array(self, number: int) -> NDArray[Any]:
@@ -383,8 +383,8 @@ class _Piece:
 
     def _repeats(self, texture: Any) -> bool:
         sampler = self.file.named("textures", texture["index"]).get("sampler")
-        told = {} if sampler is None else self.file.named("samplers", sampler)
-        return all(told.get(key, _REPEAT) == _REPEAT for key in ("wrapS", "wrapT"))
+        wrapping = {} if sampler is None else self.file.named("samplers", sampler)
+        return all(wrapping.get(key, _REPEAT) == _REPEAT for key in ("wrapS", "wrapT"))
 
     def _count_unseen(self, material: Any, factor: Any) -> None:
         """Count what a part cannot say of a material."""
@@ -430,8 +430,8 @@ def _frame(node: Any) -> Array:
             raise ValueError("it must be of numbers")
         return frame
     except (TypeError, ValueError) as error:
-        told = ", ".join(f"{key} {node[key]}" for key in ("matrix", "rotation", "scale", "translation") if key in node)
-        raise SceneError(f"a node has {told}, which is no place ({error}).", "Export it again.") from error
+        given = ", ".join(f"{key} {node[key]}" for key in ("matrix", "rotation", "scale", "translation") if key in node)
+        raise SceneError(f"a node has {given}, which is no place ({error}).", "Export it again.") from error
 
 
 def _frame_of(node: Any) -> Array:

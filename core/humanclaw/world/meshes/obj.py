@@ -170,14 +170,14 @@ class _File:
         except (OSError, ValueError):
             self._lost[f"files that cannot be read ({name})"] += 1
             return
-        told = _Material()
+        material = _Material()
         for line in lines:
             word, _, rest = line.replace("\t", " ").strip().partition(" ")
             if word.lower() == "newmtl":
-                told = self._materials[rest.strip()]
+                material = self._materials[rest.strip()]
                 continue
             try:
-                told.take(word, rest)
+                material.take(word, rest)
             except ValueError:  # As of a Kd of a spectrum.
                 self._lost[f"lines that cannot be read ({name})"] += 1
 
@@ -187,13 +187,13 @@ class _File:
         used = np.array([first[name] for name in self._names])[np.searchsorted(self._changes, where)]
         above = np.stack([np.searchsorted(points, where), np.searchsorted(places, where)], axis=-1)
         lines = self._lines.text(where).split("\n")[:-1]
-        for shape, found in _alike(lines).items():
-            corners = _corners(shape, [lines[k] for k in found])
+        for shape, rows in _alike(lines).items():
+            corners = _corners(shape, [lines[k] for k in rows])
             if (corners == 0).any():
                 raise SceneError("a face names corner 0: OBJ counts from 1.", "Add 1 to the numbers of its faces.")
-            corners = np.where(corners > 0, corners - 1, corners + above[found, None])
-            corners[..., 1][(corners[..., 1] < 0) | (corners[..., 1] >= above[found, None, 1])] = -1
-            keys = 2 * used[found] + (corners[..., 1] < 0).any(axis=1)
+            corners = np.where(corners > 0, corners - 1, corners + above[rows, None])
+            corners[..., 1][(corners[..., 1] < 0) | (corners[..., 1] >= above[rows, None, 1])] = -1
+            keys = 2 * used[rows] + (corners[..., 1] < 0).any(axis=1)
             order = np.argsort(keys, kind="stable")
             for some in np.split(order, np.flatnonzero(np.diff(keys[order])) + 1):
                 self.polygons[int(keys[some[0]]) // 2, bool(keys[some[0]] % 2)].append(corners[some])
@@ -233,10 +233,10 @@ def _alike(lines: list[str]) -> dict[str, Indices]:
     shapes = data[~again].tobytes().decode().split("\n") if lines else []
     if len(set(shapes)) == 1:
         return {shapes[0]: np.arange(len(lines))}
-    found = defaultdict[str, list[int]](list)
+    numbers_of = defaultdict[str, list[int]](list)
     for number, shape in enumerate(shapes):
-        found[shape].append(number)
-    return {shape: np.array(some) for shape, some in found.items()}
+        numbers_of[shape].append(number)
+    return {shape: np.array(some) for shape, some in numbers_of.items()}
 
 
 def _corners(shape: str, lines: list[str]) -> Indices:

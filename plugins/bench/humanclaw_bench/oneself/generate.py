@@ -297,8 +297,8 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
         question, place = kind.draw(wanted, k, rng), places[index]
         scene = body.plugins.scene(reference(house, question.setup, place, question.values))
         if question.read(_play(body, scene, question, place), place) == wanted:
-            told = question.words.format(*(asked.words(body.skills) for asked in question.calls))
-            words = f"{told} Answer with one of: {'; '.join(kind.options)}."
+            asked_words = question.words.format(*(asked.words(body.skills) for asked in question.calls))
+            words = f"{asked_words} Answer with one of: {'; '.join(kind.options)}."
             return EpisodeSpec(
                 id=f"{name_of(house)}-{kind.name}", instruction=words, scene=scene.name, scene_digest=scene.digest,
                 start=place, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,

@@ -190,11 +190,11 @@ def require_skills(specs: Iterable[EpisodeSpec], plugins: Plugins) -> None:
     if not any(spec.partner is not None and spec.partner.task == "give" for spec in specs):
         return
     skills = plugins.skills.values()
-    found = {
+    needed = {
         "say": _speaking(skills), "reach": suited(skills, *_HAND, role="gesture"),
         "grasp": suited(skills, role="grasp"), "release": suited(skills, role="release"),
     }  # fmt: skip
-    missing = [name for name, skill in found.items() if skill is None]
+    missing = [name for name, skill in needed.items() if skill is None]
     plugins.require(*(("skills", name) for name in missing))
     if missing:
         raise PluginError(f"to give a thing needs {', '.join(missing)}.", "Name that skill in --skills, too.")

@@ -138,9 +138,9 @@ def saved(
     chunks = chunks_of(skill, folder.clips, seconds, seed, start[HISTORY - 1 :])
     chunks.save(out / f"{skill.name}.npz")
     shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
-    told = [f"left out: {name} {reason}" for name, reason in folder.left_out.items()]
-    told += [f"{note} ({count} clips)" for note, count in Counter(clip.note for clip in folder.clips).items() if note]
-    return chunks, told + [_reach(*spread) for spread in shown if _wider(*spread)]
+    notes = [f"left out: {name} {reason}" for name, reason in folder.left_out.items()]
+    notes += [f"{note} ({count} clips)" for note, count in Counter(clip.note for clip in folder.clips).items() if note]
+    return chunks, notes + [_reach(*spread) for spread in shown if _wider(*spread)]
 
 
 def _wider(parameter: Parameter, low: float, high: float) -> bool:
