@@ -207,6 +207,8 @@ MALFORMED = {
     "no choice": parameter(enum=[]),
     "a choice that is offered twice": parameter(enum=[10, 20, 10]),
     "other parameters": schema(lambda content: content.pop("additionalProperties")),
+    "any parameters": schema(lambda content: content.update(additionalProperties=True)),
+    "alternatives for all": schema(lambda content: content.update(oneOf=[{"required": ["z_cm"]}])),
     "a rule that no model is told": schema(lambda content: content.update(minProperties=1)),
     "thousands of parameters": schema(lambda content: content.update(properties={f"p{k}": TIMES for k in range(65)})),
 }
@@ -216,6 +218,11 @@ MALFORMED = {
 def test_a_schema_of_another_form_is_a_fault(folder, spoil):
     spoil(folder)
     assert "schema" in names(folder)
+
+
+def test_a_description_that_is_no_text_is_a_fault(folder):
+    change_schema(folder, lambda content: content.update(description=5))
+    assert "described" in names(folder)
 
 
 def test_what_a_strangers_checklist_can_ask_is_bounded(folder):

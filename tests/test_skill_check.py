@@ -111,30 +111,10 @@ def test_a_parameter_of_one_single_value_is_legal(copy):
     assert host_of("pair", skills=[folder, folder_of("stop")]).disabled == {}
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"oneOf": [{"required": ["z_cm"]}]}, "'oneOf' does not match any of the regexes"),
-        ({"additionalProperties": True}, "additionalProperties: False was expected. Write type: object"),
-        ({"description": 5}, "has the description 5. Describe it"),
-    ],
-)
-def test_what_a_schema_says_to_nobody_is_refused_with_a_remedy(copy, change, said):
-    assert said in _disabled(copy("step_back", lambda schema: schema.update(change)))
-
-
-@pytest.mark.parametrize(
-    ("odd", "said"),
-    [
-        (True, "properties.z_cm: True is not of type 'object'"),
-        ({"anyOf": [{"type": "integer"}, {"type": "string"}]}, "properties.z_cm: 'anyOf' does not match"),
-        ({"type": "object"}, "properties.z_cm.type: 'object' is not one of ['integer', 'number'"),
-    ],
-)
-def test_one_schema_that_cannot_be_published_hides_no_other_skill(copy, odd, said):
-    folder = copy("step_back", lambda s: s["properties"].update(z_cm=odd))
+def test_one_schema_that_cannot_be_published_hides_no_other_skill(copy):
+    folder = copy("step_back", lambda schema: schema["properties"].update(z_cm=True))
     plugins = host_of("pair", skills=[folder, folder_of("stop")])
-    assert said in plugins.disabled["step_back"]
+    assert "properties.z_cm: True is not of type 'object'" in plugins.disabled["step_back"]
     assert [tool["name"] for tool in tool_list(plugins.skills.values(), "mcp")] == ["stop"]
 
 
