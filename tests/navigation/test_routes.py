@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import replace
 from itertools import pairwise
 
@@ -297,52 +296,6 @@ def test_the_distance_to_the_goal_is_measured_over_the_stairs() -> None:
     assert way(HEAD) < 2.2 < 7.0 < way(FOOT)
     on_ninth = np.array([4.1, 9 * RISER + 0.95, 0.5])
     assert way(on_ninth) == pytest.approx((way(FOOT) + way(HEAD)) / 2, abs=0.6)
-
-
-def ramp(points: np.ndarray) -> np.ndarray:
-    """Height of the stairs of two_storeys taken as a ramp, at (..., 2) points."""
-    return np.clip((points[..., 0] - 2.0) * RISER / GOING, 0.0, UPSTAIRS)
-
-
-def a_star(storeys: MultiFloorMap, start: tuple[int, int, int], goal: tuple[int, int, int]) -> float:
-    """Length of the shortest way over the free cells of a grid, by a search of its own."""
-    free = [plan.fits(RADIUS) for plan in storeys.grids]
-    place = lambda node: storeys.grids[0].point(np.array(node[1:]))  # noqa: E731
-    height = lambda node: float(ramp(place(node))) if node[0] == 1 else (0.0, 0.0, UPSTAIRS)[node[0]]  # noqa: E731
-    best, queue = {start: 0.0}, [(0.0, start)]
-    while queue:
-        _, node = heapq.heappop(queue)
-        if node == goal:
-            return best[node]
-        k, i, j = node
-        steps = [(k, i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
-        steps += [
-            (m, i, j) for m in (k - 1, k + 1)
-            if 0 <= m < len(free) and abs(storeys.grids[m].ground[i, j] - storeys.grids[k].ground[i, j]) < 0.01
-        ]  # fmt: skip
-        for step in steps:
-            if not free[step[0]][step[1:]]:
-                continue
-            flat = CELL * float(np.hypot(step[1] - i, step[2] - j))
-            cost = best[node] + (float(np.hypot(flat, height(step) - height(node))) if step[0] == k else 0.0)
-            if cost < best.get(step, np.inf):
-                best[step] = cost
-                ahead = float(np.linalg.norm(place(step) - place(goal)))
-                heapq.heappush(queue, (cost + ahead, step))
-    return float("inf")
-
-
-@pytest.mark.parametrize("make", [two_rooms, two_storeys])
-def test_geodesics_agree_with_an_independent_a_star(make) -> None:
-    storeys = MultiFloorMap.of(make())
-    rng, ratios = np.random.default_rng(5), []
-    places = np.concatenate(storeys.starts(np.array([1.0, 0.0, 0.5 if make is two_storeys else 1.0]), room=RADIUS))
-    for start, goal in places[rng.integers(len(places), size=(12, 2))]:
-        nodes = [(int(storeys.level(p)), *map(int, storeys.grids[0].cell(p[[0, 2]]))) for p in (start, goal)]
-        independent = a_star(storeys, *nodes)
-        ratios.append(geodesic(storeys, start, goal) / independent)
-    assert np.median(ratios) == pytest.approx(0.99, abs=0.011)
-    assert 0.97 < min(ratios) <= max(ratios) < 1.02
 
 
 def test_a_map_of_solid_things_counts_on_pushing_none():
