@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
     from humanclaw import Plugins, RecordedEpisode, Scene
     from humanclaw.plugins import Options, Register, SceneFactory, Tasks, TasksFactory
-    from humanclaw_bench.executors import Executor
-    from humanclaw_bench.hookspecs import ExecutorFactory
+    from humanclaw_bench.hookspecs import Executor, ExecutorFactory
     from humanclaw_bench.overview import Page
 
 __version__ = "0.1.0"

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.storage import Folder
@@ -71,23 +71,6 @@ class EpisodeQueue:
             fresh = [name for name in left if name not in self._entered]
             house = fresh[0] if fresh else max(left, key=lambda name: len(left[name]))
         return left[house].popleft()
-
-
-class Executor(Protocol):
-    """Plays episodes somewhere. A plugin registers a factory(workers: int, address: str) -> Executor.
-
-    A humanclaw_bench.worker.Worker does the playing, so that records are the same wherever it runs.
-    """
-
-    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
-        """Play the episodes in the queue and report each once, in the order in which they end.
-
-        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, all
-        running episodes end at once.
-        """
-
-    def stop(self) -> None:
-        """Take no further episode, and end running episodes after their step. Called from a signal handler."""
 
 
 @dataclass

@@ -5,7 +5,7 @@ Implement them with @hookimpl(optionalhook=True); then the plugin also works wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import pluggy
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from humanclaw import EpisodeSpec, Plugins, RecordedEpisode
     from humanclaw.plugins import Register
-    from humanclaw_bench.executors import Executor
+    from humanclaw_bench.executors import EpisodeQueue, Job, WorkerReport
     from humanclaw_bench.own import Task
 
 hookspec = pluggy.HookspecMarker("humanclaw")
@@ -50,6 +50,23 @@ class Fault(Protocol):
         """Return whether an episode can show the fault."""
 
 
+class Executor(Protocol):
+    """Plays episodes somewhere. A plugin registers a factory(workers: int, address: str) -> Executor.
+
+    A humanclaw_bench.worker.Worker does the playing, so that records are the same wherever it runs.
+    """
+
+    def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
+        """Play the episodes in the queue and report each once, in the order in which they end.
+
+        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, all
+        running episodes end at once.
+        """
+
+    def stop(self) -> None:
+        """Take no further episode, and end running episodes after their step. Called from a signal handler."""
+
+
 class RegisterFault(Protocol):
     def __call__(self, fault: Fault) -> None:
         """Register a fault under its name."""
@@ -69,7 +86,7 @@ if TYPE_CHECKING:
 def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
     """Register executors, which play the episodes of a run: factory(workers: int, address: str) -> Executor.
 
-    humanclaw_bench.executors.Executor defines them; plugins/ray is an example for a cluster.
+    Executor defines them; plugins/ray is an example for a cluster.
     """
 
 

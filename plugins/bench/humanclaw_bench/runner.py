@@ -24,7 +24,8 @@ from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import advice_after
 from humanclaw.records import REPORT, EpisodeRecord, targeted, write_episodes
 from humanclaw.storage import Folder, writing
-from humanclaw_bench.executors import EpisodeQueue, Executor
+from humanclaw_bench.executors import EpisodeQueue
+from humanclaw_bench.hookspecs import Executor
 from humanclaw_bench.scores import ended
 from humanclaw_bench.settings import agree, introduced, manifest, seeded
 from humanclaw_bench.two.partners import require_skills

@@ -8,8 +8,7 @@ from humanclaw import hookimpl
 
 if TYPE_CHECKING:
     from humanclaw.plugins import Register
-    from humanclaw_bench.executors import Executor
-    from humanclaw_bench.hookspecs import ExecutorFactory
+    from humanclaw_bench.hookspecs import Executor, ExecutorFactory
 
 __version__ = "0.1.0"
 

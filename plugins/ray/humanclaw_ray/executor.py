@@ -51,7 +51,7 @@ class Player:
 
 
 class RayExecutor:
-    """Implements the protocol humanclaw_bench.executors.Executor."""
+    """Implements the protocol humanclaw_bench.hookspecs.Executor."""
 
     def __init__(self, workers: int = 1, address: str = "") -> None:
         """Choose a cluster. address: a running cluster; 'local' or empty starts one on this machine."""
