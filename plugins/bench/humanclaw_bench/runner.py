@@ -26,9 +26,9 @@ from humanclaw.records import REPORT, EpisodeRecord, targeted, write_episodes
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.executors import EpisodeQueue
 from humanclaw_bench.hookspecs import Executor
+from humanclaw_bench.required_skills import require_skills
 from humanclaw_bench.scores import ended
 from humanclaw_bench.settings import agree, introduced, manifest, seeded
-from humanclaw_bench.two.partners import require_skills
 from humanclaw_bench.verification import MANIFEST, SPLIT
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 

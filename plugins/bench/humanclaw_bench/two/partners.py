@@ -20,12 +20,10 @@ from humanclaw import (
     EpisodeSpec,
     HistoryEntry,
     Observation,
-    PluginError,
-    Plugins,
     Skill,
 )
 from humanclaw.body import Array, Pose2D
-from humanclaw.skills import Role, Side, find_suited, suited
+from humanclaw.skills import Role, Side, find_suited
 from humanclaw.storage import Folder
 from humanclaw_bench.hands.generate import House
 
@@ -48,7 +46,7 @@ _AHEAD: Final = math.radians(20)
 _FINGERS: Final = 0.04
 """Metres from the knuckles to the middle of the fingers."""
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
-_HAND: Final = ("hand.left", "hand.up", "hand.ahead")
+HAND: Final = ("hand.left", "hand.up", "hand.ahead")
 
 
 @dataclass
@@ -140,9 +138,9 @@ class Asker(Walker):
             yield self._asking({"heading.left": 0.0})
 
     def _say(self, words: str) -> Call:
-        speaking = _speaking(self._context.skills.values())
-        assert speaking is not None  # require_skills() has seen to it.
-        return Call(speaking.name, {"text": words})
+        skill = speaking(self._context.skills.values())
+        assert skill is not None  # require_skills() has seen to it.
+        return Call(skill.name, {"text": words})
 
     def _box(self) -> tuple[Array, Array]:
         """Return the corners (3,) of the thing's box in the partner's frame."""
@@ -169,11 +167,11 @@ class Asker(Walker):
             low, high = self._box()
             edge = float(high[0] if out > 0 else low[0])
             at = (edge + aside * out, float(low[1] + high[1]) / 2, float(low[2] + high[2]) / 2 - _FINGERS)
-            yield self._asking(dict(zip(_HAND, at, strict=True)), "gesture", side)
+            yield self._asking(dict(zip(HAND, at, strict=True)), "gesture", side)
         yield self._asking({}, "grasp", side)
 
 
-def _speaking(skills: Iterable[Skill]) -> Skill | None:
+def speaking(skills: Iterable[Skill]) -> Skill | None:
     """Return a skill that says what it is told, and does not end the episode."""
     spoken = (skill for skill in skills if skill.role != "stop" and skill.schema.get("required") == ["text"])
     return next(spoken, None)
@@ -183,21 +181,6 @@ def _stop(skills: Iterable[Skill]) -> Call | None:
     """Return the call that ends an episode; None if no skill does without an answer."""
     stops = (skill for skill in skills if skill.role == "stop" and not skill.schema.get("required"))
     return next((Call(skill.name) for skill in stops), None)
-
-
-def require_skills(specs: Iterable[EpisodeSpec], plugins: Plugins) -> None:
-    """Raise PluginError, before anything is played, if the two of an episode cannot give and take."""
-    if not any(spec.partner is not None and spec.partner.task == "give" for spec in specs):
-        return
-    skills = plugins.skills.values()
-    needed = {
-        "say": _speaking(skills), "reach": suited(skills, *_HAND, role="gesture"),
-        "grasp": suited(skills, role="grasp"), "release": suited(skills, role="release"),
-    }  # fmt: skip
-    missing = [name for name, skill in needed.items() if skill is None]
-    plugins.require(*(("skills", name) for name in missing))
-    if missing:
-        raise PluginError(f"to give a thing needs {', '.join(missing)}.", "Name that skill in --skills, too.")
 
 
 def part_of(spec: EpisodeSpec) -> EpisodeSpec:
