@@ -32,12 +32,12 @@ def coverage(share: float, sizes: tuple[int, ...], draws: int, *, icc: float = 0
 
     Wilson's, and with houses.
     """
-    rng, found = np.random.default_rng(10), []
+    rng, rows = np.random.default_rng(10), []
     for _ in range(draws):
         met, houses = in_houses(rng, share, sizes, icc)
         intervals = wilson(sum(met), len(met)), rate(met, houses)
-        found.append([(one.low <= share <= one.high, (one.high - one.low) / 2) for one in intervals])
-    return np.mean(found, axis=0)
+        rows.append([(bounds.low <= share <= bounds.high, (bounds.high - bounds.low) / 2) for bounds in intervals])
+    return np.mean(rows, axis=0)
 
 
 if __name__ == "__main__":

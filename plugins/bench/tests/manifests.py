@@ -16,10 +16,10 @@ from humanclaw_bench.verification import split_digest
 
 def tell(run: Path, **more: Any) -> Path:
     """Write a run.json as the run of the records that lie there would have it, or as is given."""
-    records = [one.record for one in load_run(run)]
+    records = [episode.record for episode in load_run(run)]
     first, specs = records[0], [record.spec for record in records]
-    told = {"episodes": len(specs), "split": split_digest(specs), "options": first.options}
-    (run / "run.json").write_text(json.dumps(told | more))
+    manifest = {"episodes": len(specs), "split": split_digest(specs), "options": first.options}
+    (run / "run.json").write_text(json.dumps(manifest | more))
     return run
 
 

@@ -187,7 +187,7 @@ def test_second_labels_tell_what_the_order_hides(tmp_path: Path, steps: list, fi
     recorded = rollout(tmp_path, steps, geodesic=4.0)
     cause = attribute(recorded)
     assert cause
-    assert (cause.label, [one.label for one in also(recorded, cause)]) == (first, further)
+    assert (cause.label, [other.label for other in also(recorded, cause)]) == (first, further)
 
 
 def test_a_success_has_no_second_label(tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_a_run_records_the_way_left_before_and_after_each_step(body, house, tmp_
     run_episode(body, spec, agent, folder=tmp_path / "one", distance=geodesics)
     recorded, way = RecordedEpisode(tmp_path / "one"), geodesics(house, spec.target_ids)
     assert recorded.record.geodesic == pytest.approx(way([house.start.x, 0.96, house.start.z]), abs=0.1)
-    assert [one.geodesic for one in recorded.steps] == pytest.approx([way(one.end) for one in recorded.steps], abs=0.01)
+    assert [row.geodesic for row in recorded.steps] == pytest.approx([way(row.end) for row in recorded.steps], abs=0.01)
     assert set(recorded.record.movable) == {obj.id for obj in house.objects if obj.movable}
 
 
@@ -245,4 +245,4 @@ def test_a_scene_without_a_target_is_attributed_in_silence(tmp_path: Path) -> No
     cause = attribute(recorded)
     assert cause
     assert cause.stage == "find"
-    assert not [one for one in also(recorded, cause) if one.stage == "nav"]
+    assert not [other for other in also(recorded, cause) if other.stage == "nav"]

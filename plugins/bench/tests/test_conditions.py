@@ -33,10 +33,10 @@ SKILLS = {
 
 def played(folder: Path, **more: Any) -> Path:
     """A run of two episodes, told by default alike."""
-    told: dict[str, Any] = {"settings": {"body": BODY, "limits": {}}, "skills": SKILLS, "versions": {"walks": "1.0"}}
+    record: dict[str, Any] = {"settings": {"body": BODY, "limits": {}}, "skills": SKILLS, "versions": {"walks": "1.0"}}
     for k in range(2):
-        rollout(folder, SAT, name=f"e{k}", **(told | more))
-    return tell(folder, backends=(told | more)["settings"]["body"], limits=(told | more)["settings"]["limits"])
+        rollout(folder, SAT, name=f"e{k}", **(record | more))
+    return tell(folder, backends=(record | more)["settings"]["body"], limits=(record | more)["settings"]["limits"])
 
 
 def test_a_skill_that_moves_farther_than_the_papers_is_named(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_the_time_to_rise_before_a_step_does_not_break_the_pace(tmp_path: Path) 
 
 
 def rows(*runs: Path) -> list[str]:
-    return [one.name for one in named({str(run): scored(load_run(run)) for run in runs})]
+    return [row.name for row in named({str(run): scored(load_run(run)) for run in runs})]
 
 
 def body(**changed: Any) -> dict[str, Any]:
@@ -86,21 +86,21 @@ OTHER: dict[str, tuple[dict[str, Any], str, str]] = {
 @pytest.mark.parametrize("what", OTHER)
 def test_a_row_says_what_it_alone_was_played_with(tmp_path: Path, what: str) -> None:
     changed, mine, other = OTHER[what]
-    one, two = played(tmp_path / "one"), played(tmp_path / "two", **changed)
-    assert rows(one, two) == [f"model, {mine}, 2.0 s a call", f"model, {other}, 2.0 s a call"]
-    assert rows(one) == ["model, 2.0 s a call"]
-    found = [conditions_of(load_run(run)[0].record) for run in (one, two)]
-    assert len(differences(*found)) == 1
+    first, second = played(tmp_path / "one"), played(tmp_path / "two", **changed)
+    assert rows(first, second) == [f"model, {mine}, 2.0 s a call", f"model, {other}, 2.0 s a call"]
+    assert rows(first) == ["model, 2.0 s a call"]
+    conditions = [conditions_of(load_run(run)[0].record) for run in (first, second)]
+    assert len(differences(*conditions)) == 1
 
 
 def test_several_skills_that_differ_are_one_label(tmp_path: Path) -> None:
     other = {name: SkillInfo("locomotion", digest="c" * 64) for name in SKILLS}
-    one, two = played(tmp_path / "one"), played(tmp_path / "two", skills=other)
-    first, second = rows(one, two)
+    plain, changed = played(tmp_path / "one"), played(tmp_path / "two", skills=other)
+    first, second = rows(plain, changed)
     assert first.startswith("model, skills ")
     assert first != second
-    told = " ".join(invoke("compare", one, two, "--partial").output.split())
-    assert "skill walk (aaaaaaaa and cccccccc)" in told
+    output = " ".join(invoke("compare", plain, changed, "--partial").output.split())
+    assert "skill walk (aaaaaaaa and cccccccc)" in output
 
 
 def test_models_differ_in_settings_without_a_label() -> None:
@@ -113,9 +113,9 @@ def test_a_comparison_says_what_differs_in_settings_before_any_rate(tmp_path: Pa
     runs = played(tmp_path / "one"), played(tmp_path / "two", **body(profile="paper"))
     text = " ".join(invoke("compare", *runs).output.split())
     assert text.index("Settings that differ (A and B): profile (default and paper).") < text.index("FindSR")
-    found = json.loads(invoke("compare", *runs, "--json").output)
-    assert found["settings"] == ["profile (default and paper)"]
-    assert found["metrics"][0]["metric"] == "FindSR"
+    comparison = json.loads(invoke("compare", *runs, "--json").output)
+    assert comparison["settings"] == ["profile (default and paper)"]
+    assert comparison["metrics"][0]["metric"] == "FindSR"
     same = " ".join(invoke("compare", runs[0], runs[0]).output.split())
     assert "No setting differs." in same
 

@@ -81,7 +81,7 @@ def test_every_fault_leads_to_a_root_cause_of_its_own():
 def test_the_benchmarks_page_lists_every_root_cause_with_its_rule():
     page = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
     rows = [line for line in page.splitlines() if re.match(r"\d+\. ", line)]
-    fault = {one.cause: f"`{one.name}`" for one in FAULTS}
+    fault = {entry.cause: f"`{entry.name}`" for entry in FAULTS}
     assert rows == [
         f"{number}. {cause.label}: {cause.meaning} ({cause.capability}; {fault.get(cause.label, 'none')})"
         for number, cause in enumerate(CAUSES, 1)

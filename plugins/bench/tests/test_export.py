@@ -93,17 +93,17 @@ def test_a_run_is_a_data_frame_with_one_call(run):
 
 def test_an_inspect_log_reads_back_as_the_episodes(run, tmp_path):
     log = pytest.importorskip("inspect_ai.log", reason="inspect_ai is not installed")
-    found = log.read_eval_log(str(to_inspect(run, tmp_path / "run.eval")))
-    assert found.eval.model == "oracle"
-    assert [sample.id for sample in found.samples] == ["couch-0", "couch-1", "couch-2"]
-    sample, recorded = found.samples[0], load_run(run)[0]
+    logged = log.read_eval_log(str(to_inspect(run, tmp_path / "run.eval")))
+    assert logged.eval.model == "oracle"
+    assert [sample.id for sample in logged.samples] == ["couch-0", "couch-1", "couch-2"]
+    sample, recorded = logged.samples[0], load_run(run)[0]
     calls = [message.tool_calls[0] for message in sample.messages if message.role == "assistant"]
     assert [call.function for call in calls] == [step.decision.calls[0].skill for step in recorded.steps]
     assert sample.scores["interact"].value == "C"
-    assert found.samples[2].error.message == "503"
+    assert logged.samples[2].error.message == "503"
     views = [message.metadata["view"] for message in sample.messages if message.role == "assistant"]
     assert views == [str(recorded.folder / step.frame_file) for step in recorded.steps]
-    assert {score.name: score.metrics["accuracy"].value for score in found.results.scores}["nav"] == 1.0
+    assert {score.name: score.metrics["accuracy"].value for score in logged.results.scores}["nav"] == 1.0
 
 
 def test_a_lerobot_dataset_reads_back_as_the_decisions(run, tmp_path):

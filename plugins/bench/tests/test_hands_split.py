@@ -31,11 +31,11 @@ SHUT, WIDE = 0.0, 0.35
 
 @pytest.fixture(scope="module")
 def plugins():
-    found = Plugins.discover()
+    host = Plugins.discover()
     for module in (humanclaw_skill_answer, humanclaw_skill_crouch, humanclaw_skill_hands):
         with suppress(PluginError):  # Installed already.
-            found.add(module, module.__name__)
-    return found
+            host.add(module, module.__name__)
+    return host
 
 
 # -- the splits --------------------------------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ def test_a_house_gives_the_tasks_again_that_the_split_holds():
 def test_heights_are_those_over_the_floor_that_a_thing_is_on():
     """A bed of 50 cm and a plant of a metre on the floor 2.72 m up, and a plant on the one below."""
     house = House(two_storeys())
-    assert [house.height(key) for key in (31, 32, 30)] == [pytest.approx(one) for one in ((0, 0.5), (0, 1), (0, 1))]
+    assert [house.height(key) for key in (31, 32, 30)] == [pytest.approx(pair) for pair in ((0, 0.5), (0, 1), (0, 1))]
 
 
 def test_nothing_is_to_be_put_where_it_stands_already():
@@ -68,8 +68,8 @@ def test_nothing_is_to_be_put_where_it_stands_already():
     builder = SceneBuilder.on_floor()
     tables = [builder.box(name, (1, 0.7, 1), (0, 0, z)) for name, z in (("table", 2.0), ("desk", -2.0))]
     cup = builder.box("cup", (0.1, 0.1, 0.1), (0, 0.7, 1.6), movable=True, mass=0.3)
-    drawn = [one for seed in range(20) for one in tasks(House(builder.scene()), np.random.default_rng(seed))]
-    assert {(one.goal.things, one.goal.on) for one in drawn} == {((cup,), tables[1])}
+    drawn = [spec for seed in range(20) for spec in tasks(House(builder.scene()), np.random.default_rng(seed))]
+    assert {(spec.goal.things, spec.goal.on) for spec in drawn} == {((cup,), tables[1])}
 
 
 def test_a_goal_stands_in_the_schema_and_none_is_not_written():
@@ -82,18 +82,18 @@ def test_a_goal_stands_in_the_schema_and_none_is_not_written():
 def test_an_instruction_names_one_thing_alone():
     builder = SceneBuilder()
     builder.floor()
-    cup, one, other = (builder.box(name, (0.1, 0.1, 0.1), (x, 0, 0)) for x, name in enumerate(("cup", "book", "book")))
+    cup, book, other = (builder.box(name, (0.1, 0.1, 0.1), (x, 0, 0)) for x, name in enumerate(("cup", "book", "book")))
     house = House(builder.scene())
-    names = [house.phrase(house.scene.by_id[key]) for key in (cup, one, other)]
+    names = [house.phrase(house.scene.by_id[key]) for key in (cup, book, other)]
     assert names == ["the cup", "", ""]
 
 
 @pytest.mark.parametrize("kind", ["--hands", "--two"])
 @pytest.mark.parametrize("option", ["--secret", "--train", "--starts"])
 def test_an_option_that_has_no_effect_on_a_split_is_refused(tmp_path, kind, option):
-    told = CliRunner().invoke(bench, ["generate", kind, option, "3", "--out", str(tmp_path)])
-    assert told.exit_code == 2
-    assert f"{option} has no effect" in told.output
+    result = CliRunner().invoke(bench, ["generate", kind, option, "3", "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert f"{option} has no effect" in result.output
 
 
 def test_who_names_a_thing_as_the_instruction_does_has_said_so():
@@ -191,10 +191,10 @@ def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task)
     assert success
     assert all(scores.hands.values())
     assert (scores.success, cause, scores.dropped) == (True, None, 0)
-    told = CliRunner().invoke(bench, ["table", str(tmp_path), "--format", "markdown"], catch_exceptions=False).output
-    assert "HoldSR" in told
-    assert "Privileged (knows scene and true state): agent" in told
-    assert "of an unknown total" in told
+    table = CliRunner().invoke(bench, ["table", str(tmp_path), "--format", "markdown"], catch_exceptions=False).output
+    assert "HoldSR" in table
+    assert "Privileged (knows scene and true state): agent" in table
+    assert "of an unknown total" in table
 
 
 @pytest.mark.integration
@@ -241,9 +241,9 @@ def questions(split):
 
 @pytest.mark.parametrize(("split", "most"), [("hands", 1), ("mini-hands", 2)])
 def test_no_answer_can_be_guessed_from_the_words(split, most):
-    told = Counter((asked(spec), spec.goal.answer) for spec in questions(split))
+    counts = Counter((asked(spec), spec.goal.answer) for spec in questions(split))
     for words in {asked(spec) for spec in questions(split)}:
-        assert abs(told[words, "yes"] - told[words, "no"]) <= most, words
+        assert abs(counts[words, "yes"] - counts[words, "no"]) <= most, words
 
 
 THING = {"a jar": "jar", "a plate": "plate", "a glass": "glass", "a pile of towels": "towels", "a handbag": "handbag",
@@ -262,7 +262,7 @@ def test_an_answer_is_right_of_what_lies_within_the_furniture(house):
         inside = {obj.category for obj in scene.objects if obj.id != body
                   and (scene.vertices(obj.id) > low).all() and (scene.vertices(obj.id) < high).all()}  # fmt: skip
         assert spec.goal.answer == ("yes" if thing in inside else "no")
-        assert thing in inside or not any(thing in DOUBTFUL.get(one, ()) for one in inside)
+        assert thing in inside or not any(thing in DOUBTFUL.get(other, ()) for other in inside)
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def play(tmp_path):
         file.write_text(HEAD + written)
         files = (toy_world.FILE, str(file))
         job = Job("own", options, verifier, backends, limits or {}, files, in_process=in_process, seed=seed)
-        plugins = Plugins.discover([Path(one) for one in files])
+        plugins = Plugins.discover([Path(file) for file in files])
         folder = tmp_path / name
         return run_split(
             toy_world.specs(count), job, LocalExecutor(workers) if workers else Here(), folder, plugins=plugins
@@ -63,14 +63,14 @@ PLAIN = "\nclass Mine(Agent): ...\n"
 THIEF = """
 class Mine(Agent):
     def decide(self, observation, history):
-        frame, found = sys._getframe(), []
+        frame, episodes = sys._getframe(), []
         while frame:
-            found += [value for value in frame.f_locals.values() if isinstance(value, Episode)]
+            episodes += [value for value in frame.f_locals.values() if isinstance(value, Episode)]
             frame = frame.f_back
-        found += [one for one in gc.get_objects() if issubclass(type(one), Episode)]
+        episodes += [item for item in gc.get_objects() if issubclass(type(item), Episode)]
         spec = self.context.spec
-        told = f"{len(found)} episodes, scene {spec.scene!r}, {spec.start}, {spec.target_ids}, {self.context.scene}"
-        return Decision((Call("stop"),), visible_state=told)
+        words = f"{len(episodes)} episodes, scene {spec.scene!r}, {spec.start}, {spec.target_ids}, {self.context.scene}"
+        return Decision((Call("stop"),), visible_state=words)
 """
 
 
@@ -92,18 +92,18 @@ class Mine(Agent):
 
 def test_the_seed_of_an_agent_does_not_tell_its_episode(play):
     # Episodes number their seeds, so a table from seeds to episodes would rebuild the world and play in its shadow.
-    _, one = play(TELLS_SEED, 3, name="one", in_process=True, seed=None)
+    _, first = play(TELLS_SEED, 3, name="one", in_process=True, seed=None)
     _, other = play(TELLS_SEED, 3, name="other", in_process=True, seed=None)
-    seeds = [int(episode.steps[0].decision.visible_state) for run in (one, other) for episode in load_run(run)]
+    seeds = [int(episode.steps[0].decision.visible_state) for run in (first, other) for episode in load_run(run)]
     assert len({*seeds}) == 6
 
 
 def test_a_run_that_continues_keeps_its_seed(play):
     _, folder = play(TELLS_SEED, in_process=True, seed=None)
-    told = said(folder)
+    seed = said(folder)
     shutil.rmtree(folder / "toy-0")
     play(TELLS_SEED, in_process=True, seed=None)
-    assert said(folder) == told
+    assert said(folder) == seed
 
 
 def test_the_order_of_episodes_does_not_tell_which_one_is_played(play):
@@ -202,7 +202,7 @@ def test_an_agent_in_a_folder_stays_away_from_the_body(tmp_path):
 def test_records_are_the_same_on_both_sides_of_the_wall(play):
     _, apart = play(PLAIN, 3, name="apart")
     _, beside = play(PLAIN, 3, name="beside", in_process=True)
-    steps = [[(s.call, s.end, s.feedback) for s in one.steps] for run in (apart, beside) for one in load_run(run)]
+    steps = [[(s.call, s.end, s.feedback) for s in played.steps] for run in (apart, beside) for played in load_run(run)]
     assert steps[:3] == steps[3:]
     assert RecordedEpisode(apart / "toy-0").record.settings["apart"] == {"agent": "process"}
 
@@ -210,20 +210,20 @@ def test_records_are_the_same_on_both_sides_of_the_wall(play):
 RECALLS = """
 class Mine(Agent):
     def decide(self, observation, history):
-        told = [(e.step, str(e.executed), e.rgb.shape, int(e.rgb.mean())) for e in history]
+        entries = [(e.step, str(e.executed), e.rgb.shape, int(e.rgb.mean())) for e in history]
         call = Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30})
-        return Decision((call,), visible_state=repr(told))
+        return Decision((call,), visible_state=repr(entries))
 """
 
 
 def test_an_agent_recalls_its_steps_with_their_views(play):
     _, folder = play(RECALLS)
-    told = eval(RecordedEpisode(folder / "toy-0").steps[3].decision.visible_state)
+    entries = eval(RecordedEpisode(folder / "toy-0").steps[3].decision.visible_state)
     files = [folder / "toy-0" / step.frame_file for step in RecordedEpisode(folder / "toy-0").steps[:3]]
     frames = [np.asarray(Image.open(file)) for file in files]
-    assert [entry[0] for entry in told] == [0, 1, 2]
-    assert told[1][1] == "walk(x_cm=0, z_cm=30, yaw_deg=0)"
-    assert [entry[3] for entry in told] == [int(frame.mean()) for frame in frames]
+    assert [entry[0] for entry in entries] == [0, 1, 2]
+    assert entries[1][1] == "walk(x_cm=0, z_cm=30, yaw_deg=0)"
+    assert [entry[3] for entry in entries] == [int(frame.mean()) for frame in frames]
 
 
 def test_an_agent_of_a_resumed_episode_gets_the_views_it_missed(play):
@@ -249,7 +249,7 @@ class Mine(Agent):
 """
     once = f"{play.__name__}-{ends[:7]}"
     status, folder = play(written, 2, once=str(Path(folder_of(play)) / once))
-    failed, other = sorted((one.record for one in load_run(folder)), key=lambda record: record.outcome)
+    failed, other = sorted((episode.record for episode in load_run(folder)), key=lambda record: record.outcome)
     assert (failed.outcome, "process ended with exit code" in failed.error) == ("plugin_error", True)
     assert (status.done, other.outcome) == (2, "stopped")
 
@@ -308,13 +308,13 @@ class Mine(Agent):
     assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
 
 
-@pytest.mark.parametrize("told", ["5", "{'name': 5}", "{'name': 'x', 'versions': 7}", "{'name': 'x', 'settings': []}"])
-def test_who_introduces_itself_wrongly_ends_the_run_by_its_name(play, told):
+@pytest.mark.parametrize("agent", ["5", "{'name': 5}", "{'name': 'x', 'versions': 7}", "{'name': 'x', 'settings': []}"])
+def test_who_introduces_itself_wrongly_ends_the_run_by_its_name(play, agent):
     wrong = f"""
 import humanclaw_bench.isolation.session as session
 class Mine(Agent): ...
 if "isolation" in sys.argv[0]:
-    session.Session._initialize = lambda self, params: {{"agents": {told}}}
+    session.Session._initialize = lambda self, params: {{"agents": {agent}}}
 """
     with pytest.raises(Exception, match="agent and verifier cannot be made: its answer to initialize is no Introduc"):
         play(wrong)
@@ -341,8 +341,8 @@ class Mine(Agent):
         return super().decide(observation, history)
 """
     status, _ = play(prints)
-    told = capfd.readouterr()
-    assert (status.done, "raw" in told.err, "at import" in told.err) == (1, True, True)
+    printed = capfd.readouterr()
+    assert (status.done, "raw" in printed.err, "at import" in printed.err) == (1, True, True)
 
 
 def test_an_error_of_an_agent_has_its_own_name_in_the_record(play):

@@ -92,7 +92,7 @@ def test_a_sentence_that_names_the_target_acknowledges_it(text: str, category: s
 
 
 @pytest.mark.parametrize(
-    ("steps", "found", "in_view"),
+    ("steps", "find", "in_view"),
     [
         ([step(says=SEE, pixels=100)], True, True),
         ([step(says=SEE, pixels=99)], False, False),
@@ -101,9 +101,9 @@ def test_a_sentence_that_names_the_target_acknowledges_it(text: str, category: s
         ([step(says=SEE, target_pixels={COUCH: 60, 21: 40})], True, True),
     ],
 )
-def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, found: bool, in_view: bool) -> None:
+def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, find: bool, in_view: bool) -> None:
     scores = score(rollout(tmp_path, steps))
-    assert (scores.find, scores.geo_find) == (found, in_view)
+    assert (scores.find, scores.geo_find) == (find, in_view)
 
 
 def test_false_claims_are_the_share_of_views_without_a_target(tmp_path: Path) -> None:
@@ -238,8 +238,8 @@ def test_no_motion_means_no_share_of_it(tmp_path: Path) -> None:
 # -- disturbance -------------------------------------------------------------------------------------------------------
 def test_a_chain_of_contacts_carries_a_disturbance_forward_in_time(tmp_path: Path) -> None:
     steps = [step(touches=((3, VASE, BOOK),)), step(contacts=(touch(LAMP, 4),), touches=((9, LAMP, VASE),))]
-    found = disturbed(rollout(tmp_path, steps), {})
-    assert found == {LAMP: HISTORY + 19, VASE: HISTORY + 24}
+    frames = disturbed(rollout(tmp_path, steps), {})
+    assert frames == {LAMP: HISTORY + 19, VASE: HISTORY + 24}
 
 
 def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Path) -> None:
@@ -253,12 +253,12 @@ def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Pat
     fields = {"contacts": contacts(pieces), "touches": touches(pieces)}
     assert fields["contacts"][0].frames == (25,)
     assert fields["touches"] == ((26, LAMP, VASE),)
-    found = disturbed(rollout(tmp_path, [step("nod", **fields)]), {})
-    assert found == {LAMP: HISTORY + 25, VASE: HISTORY + 26}
+    frames = disturbed(rollout(tmp_path, [step("nod", **fields)]), {})
+    assert frames == {LAMP: HISTORY + 25, VASE: HISTORY + 26}
 
 
 @pytest.mark.parametrize(
-    ("touches", "found"),
+    ("touches", "ids"),
     [
         (((4, VASE, LAMP), (4, VASE, BOOK)), {LAMP, VASE, BOOK}),
         (((4, LAMP, VASE), (4, BOOK, LAMP)), {LAMP, VASE, BOOK}),  # Two links in one frame.
@@ -266,9 +266,9 @@ def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Pat
         (((3, VASE, LAMP), (5, LAMP, BOOK)), {VASE}),  # A frame too early.
     ],
 )
-def test_a_touched_vase_disturbs_what_it_touches_from_then_on(tmp_path: Path, touches: tuple, found: set[int]) -> None:
+def test_a_touched_vase_disturbs_what_it_touches_from_then_on(tmp_path: Path, touches: tuple, ids: set[int]) -> None:
     recorded = rollout(tmp_path, [step(contacts=(touch(VASE, 4),), touches=touches)])
-    assert set(disturbed(recorded, {})) == found
+    assert set(disturbed(recorded, {})) == ids
 
 
 def test_the_path_of_an_object_counts_from_the_frame_it_was_disturbed(tmp_path: Path) -> None:
@@ -294,8 +294,8 @@ def test_a_touched_object_is_displaced_if_it_ends_a_centimetre_away(tmp_path: Pa
 
 
 def test_the_displacement_is_pooled_over_objects(tmp_path: Path) -> None:
-    one = score(rollout(tmp_path, [step("stop")]))
-    many = [replace(one, displaced=1, displacement=4.0), replace(one, displaced=3, displacement=0.0), one]
+    scores = score(rollout(tmp_path, [step("stop")]))
+    many = [replace(scores, displaced=1, displacement=4.0), replace(scores, displaced=3, displacement=0.0), scores]
     assert estimate(METRIC["dDtb (m)"], many).value == pytest.approx(1.0)
     assert estimate(METRIC["#Dtb"], many).value == pytest.approx(4 / 3)
 
@@ -433,9 +433,9 @@ def test_a_reversal_is_a_turn_right_after_one_to_the_other_side(tmp_path: Path) 
 
 
 def test_the_landing_rate_is_the_ratio_of_two_rates(tmp_path: Path) -> None:
-    one = score(rollout(tmp_path, [step("stop")]))
+    scores = score(rollout(tmp_path, [step("stop")]))
     ends = ((True, True), (True, False), (True, False), (False, False))
-    many = [replace(one, find=found, nav=nav) for found, nav in ends]
+    many = [replace(scores, find=find, nav=nav) for find, nav in ends]
     assert estimate(METRIC["landing"], many).value == pytest.approx(1 / 3)
 
 
@@ -488,11 +488,11 @@ def test_brier_is_the_squared_error_of_the_expected_success(tmp_path: Path) -> N
     def scored(name: str, last: StepRecord, **more: object) -> Scores:
         return score(rollout(tmp_path, [last], name=name, interact=False, **more))
 
-    told = [scored("a", stopping(0.8, away=0.1)), scored("b", stopping(0.9, away=4.0)), scored("c", stopping(0.2))]
-    assert [one.nav for one in told] == [True, False, False]
-    assert [one.brier for one in told] == pytest.approx([0.04, 0.81, 0.04])
+    spoken = [scored("a", stopping(0.8, away=0.1)), scored("b", stopping(0.9, away=4.0)), scored("c", stopping(0.2))]
+    assert [scores.nav for scores in spoken] == [True, False, False]
+    assert [scores.brier for scores in spoken] == pytest.approx([0.04, 0.81, 0.04])
     silent = [scored("d", stopping(None)), scored("e", stopping(0.9), outcome="out_of_steps")]
-    assert estimate(METRIC["Brier"], [*told, *silent]).value == pytest.approx(0.89 / 3)
+    assert estimate(METRIC["Brier"], [*spoken, *silent]).value == pytest.approx(0.89 / 3)
     assert np.isnan(estimate(METRIC["Brier"], silent).value)
 
 
@@ -509,22 +509,22 @@ def run_of(base: Scores, navs: list[bool], **more: object) -> list[Scores]:
 def test_runs_are_compared_episode_by_episode(base: Scores) -> None:
     a = run_of(base, [False] * 20)
     b = run_of(base, [True] * 12 + [False] * 8)[::-1]
-    found = compare(a, b)
+    differences = compare(a, b)
     # Twelve gained and none lost: 2 / 2^12. In no episode does another success rate differ.
-    assert found["NavSR"].value == pytest.approx(0.6)
-    assert found["NavSR"].p == pytest.approx(2 / 2**12)
-    assert found["NavSR"].significant
-    assert not found["FindSR"].significant
-    assert not found["steps"].significant
+    assert differences["NavSR"].value == pytest.approx(0.6)
+    assert differences["NavSR"].p == pytest.approx(2 / 2**12)
+    assert differences["NavSR"].significant
+    assert not differences["FindSR"].significant
+    assert not differences["steps"].significant
 
 
 def test_where_ways_are_measured_arrivals_are_in_the_headline(base: Scores) -> None:
-    a = [replace(one, find=False, arrive=False) for one in run_of(base, [False] * 20)]
-    b = [replace(one, nav=k < 12, arrive=k < 12, find=k < 6) for k, one in enumerate(a)]
-    found = compare(a, b)
+    a = [replace(scores, find=False, arrive=False) for scores in run_of(base, [False] * 20)]
+    b = [replace(scores, nav=k < 12, arrive=k < 12, find=k < 6) for k, scores in enumerate(a)]
+    differences = compare(a, b)
     # Two headline rates differ, so the smaller p doubles: 2 / 2^12 and 2 / 2^6. NavSR is a side result beside them.
-    assert [found[name].p for name in ("ArriveSR", "FindSR")] == pytest.approx([4 / 2**12, 2 / 2**6])
-    assert list(found)[:3] == ["FindSR", "ArriveSR", "InteractSR"]
+    assert [differences[name].p for name in ("ArriveSR", "FindSR")] == pytest.approx([4 / 2**12, 2 / 2**6])
+    assert list(differences)[:3] == ["FindSR", "ArriveSR", "InteractSR"]
 
 
 def test_only_episodes_that_both_finished_are_compared(base: Scores) -> None:
@@ -573,13 +573,13 @@ def test_an_arrival_needs_the_pelvis_near_and_a_short_way_left(
 ) -> None:
     place = (COUCH_BOX[0][0] - pelvis, 1.0, COUCH_BOX[0][2])
     steps = [step("walk", away=0.18, end=place, geodesic=left), step("stop", away=0.18, geodesic=left)]
-    found = score(rollout(tmp_path, steps, geodesic=5.0))
-    assert (found.nav, found.arrive) == (True, expected)
+    scores = score(rollout(tmp_path, steps, geodesic=5.0))
+    assert (scores.nav, scores.arrive) == (True, expected)
 
 
 def test_without_a_measured_way_nobody_knows_whether_a_body_arrived(tmp_path: Path) -> None:
-    found = score(rollout(tmp_path, [step("stop", away=0.1)]))
-    assert (found.nav, found.arrive, np.isnan(found.spl)) == (True, None, True)
+    scores = score(rollout(tmp_path, [step("stop", away=0.1)]))
+    assert (scores.nav, scores.arrive, np.isnan(scores.spl)) == (True, None, True)
 
 
 def test_a_body_that_does_not_stop_has_not_arrived(tmp_path: Path) -> None:

@@ -95,8 +95,8 @@ def test_a_plugin_may_be_a_folder_whose_caches_do_not_count(file, tmp_path):
 
 
 def test_a_run_of_an_own_task_is_verified_and_replayed(run):
-    told = call("verify", run, "--replay", "--plugin", toy_world.FILE)
-    assert "2 of 2 episodes came out the same" in told
+    output = call("verify", run, "--replay", "--plugin", toy_world.FILE)
+    assert "2 of 2 episodes came out the same" in output
 
 
 def test_two_runs_are_compared_by_the_function(run, file, tmp_path):
@@ -197,8 +197,8 @@ def test_true_of_python_and_of_numpy_is_a_success(yes):
 )
 def test_check_uses_the_function_of_a_task_once(file, body, fault):
     file.write_text(FILE.replace("BODY", body))
-    told = [fault.message for report in check_target(str(file), Plugins.discover()) for fault in report.faults]
-    assert (told == []) if fault is None else (fault in told[0])
+    messages = [fault.message for report in check_target(str(file), Plugins.discover()) for fault in report.faults]
+    assert (messages == []) if fault is None else (fault in messages[0])
 
 
 def test_a_function_that_never_returns_ends_the_table(run, file, monkeypatch):
@@ -211,10 +211,10 @@ def test_a_function_that_never_returns_ends_the_table(run, file, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("given", "told"), [("Walk.", "takes EpisodeSpecs; got 'Walk.'"), (lambda episode: True, "stands without parenth")]
+    ("given", "fault"), [("Walk.", "takes EpisodeSpecs; got 'Walk.'"), (lambda episode: True, "stands without parenth")]
 )
-def test_a_task_of_anything_but_episodes_is_refused(given, told):
-    with pytest.raises(HumanclawError, match=rf"@task {told}.*Write @task\(EpisodeSpec"):
+def test_a_task_of_anything_but_episodes_is_refused(given, fault):
+    with pytest.raises(HumanclawError, match=rf"@task {fault}.*Write @task\(EpisodeSpec"):
         task(given)
 
 

@@ -15,7 +15,7 @@ def humanclaw_metrics(register):
 """
 
 
-def told(tmp_path, value, name="mine"):
+def messages(tmp_path, value, name="mine"):
     path = tmp_path / "mine.py"
     path.write_text(FILE.format(value=value, name=name))
     return [fault.message for report in check_target(str(path), Plugins.discover()) for fault in report.faults]
@@ -23,7 +23,7 @@ def told(tmp_path, value, name="mine"):
 
 @pytest.mark.parametrize("value", ["len(episode.steps)", "float('nan')", "np.float32(0.5)", "episode.steps[0].yaw_end"])
 def test_a_metric_of_a_number_is_legal(tmp_path, value):
-    assert told(tmp_path, value) == []
+    assert messages(tmp_path, value) == []
 
 
 @pytest.mark.parametrize(
@@ -36,11 +36,11 @@ def test_a_metric_of_a_number_is_legal(tmp_path, value):
     ],
 )
 def test_a_metric_without_a_number_is_a_fault(tmp_path, value, fault):
-    (message,) = told(tmp_path, value)
+    (message,) = messages(tmp_path, value)
     assert fault in message
 
 
 @pytest.mark.parametrize("name", ["nav", "success", "collisions_legs"])
 def test_a_metric_with_a_name_of_the_benchmark_is_a_fault(tmp_path, name):
-    (message,) = told(tmp_path, "1.0", name)
+    (message,) = messages(tmp_path, "1.0", name)
     assert f"metric {name!r} of plugin 'mine' has the name of one of the benchmark's own numbers." in message

@@ -51,8 +51,8 @@ class Mine(Agent):
         simulator, closer = frame.f_locals["self"].body._simulator, [0.002, 0.0, 0.0]
         real = type(simulator).state
         def state():
-            told = real(simulator)
-            return replace(told, body=replace(told.body, root=told.body.root + closer))
+            state = real(simulator)
+            return replace(state, body=replace(state.body, root=state.body.root + closer))
         simulator.state = state
         return super().decide(observation, history)
 """
@@ -84,7 +84,7 @@ def test_a_skill_of_another_role_than_it_has_is_found(play):  # noqa: F811
 
 def test_nobody_knows_beforehand_which_episodes_are_played_again(play):  # noqa: F811
     _, folder = play(PLAIN, 9, in_process=True)
-    drawn = [tuple(one.record.spec.id for one in sample(folder, 4)) for _ in range(20)]
+    drawn = [tuple(episode.record.spec.id for episode in sample(folder, 4)) for _ in range(20)]
     assert len({*drawn}) > 1
 
 

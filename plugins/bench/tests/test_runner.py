@@ -69,16 +69,16 @@ def rewrite(folder, **changes):
 
 # -- foreseen ----------------------------------------------------------------------------------------------------------
 def test_after_three_episodes_a_no_to_the_estimate_ends_the_run(toys, tmp_path):
-    told = []
+    sentences = []
 
     def no(forecast):
-        told.append(foresight(forecast))
+        sentences.append(foresight(forecast))
         return False
 
     job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,), in_process=True)
     status = run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys, go_on=no)
-    assert (status.done, status.stopped, len(told)) == (3, True, 1)
-    assert re.match(r"Estimate for the remaining 3 episodes: 0:00:\d\d ", told[0])
+    assert (status.done, status.stopped, len(sentences)) == (3, True, 1)
+    assert re.match(r"Estimate for the remaining 3 episodes: 0:00:\d\d ", sentences[0])
     assert run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys).done == 6
 
 
@@ -92,7 +92,7 @@ class Side:
         taken = [queue.take() for _ in range(self.workers)]
         under_way = [(self.steps[spec.id], spec) for spec in taken if spec]
         while under_way:
-            now, spec = under_way.pop(under_way.index(min(under_way, key=lambda one: one[0])))
+            now, spec = under_way.pop(under_way.index(min(under_way, key=lambda pair: pair[0])))
             steps = self.steps[spec.id]
             outcome = "infra_error" if spec.id in self.broken else "stopped"
             yield WorkerReport(spec.id, outcome, steps=steps, seconds=10.0 * steps, cost=float(steps))
@@ -107,14 +107,14 @@ class Side:
 def forecasts(toys, tmp_path):
     def run(workers, steps, broken=()):
         """Return what is foreseen in a run of episodes of so many steps."""
-        found, specs = [], toy_world.specs(len(steps))
+        estimates, specs = [], toy_world.specs(len(steps))
         taking = {spec.id: count for spec, count in zip(specs, steps, strict=True)}
         job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
         run_split(
             specs, job, Side(workers, taking, [specs[k].id for k in broken]), tmp_path, plugins=toys,
-            go_on=lambda forecast: found.append(forecast) or True,
+            go_on=lambda forecast: estimates.append(forecast) or True,
         )  # fmt: skip
-        return found
+        return estimates
 
     return run
 
@@ -131,8 +131,8 @@ def test_a_forecast_is_of_three_episodes_drawn_before_any_ends(forecasts, worker
 def test_a_forecast_does_without_an_episode_that_the_machine_broke(forecasts):
     whole = forecasts(1, [7] * 30)[0]
     broken = [forecasts(1, [7] * 30, broken=[k]) for k in range(30)]
-    assert {found[0].played for found in broken} == {2, 3}
-    assert {found[0].cost_left / found[0].left for found in broken} == {whole.cost_left / whole.left}
+    assert {estimates[0].played for estimates in broken} == {2, 3}
+    assert {estimates[0].cost_left / estimates[0].left for estimates in broken} == {whole.cost_left / whole.left}
 
 
 def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):
@@ -172,8 +172,8 @@ def test_a_price_that_is_not_known_is_said_to_be_so():
 @pytest.mark.integration
 def test_two_workers_leave_the_same_records_as_one_bit_for_bit(play):
     specs = toy_world.specs(6)
-    (here, _, none), (one, _, first), (two, _, second) = (play(specs, k, str(k), in_process=False) for k in range(3))
-    assert (here.done, one.done, two.done) == (6, 6, 6)
+    (here, _, none), (alone, _, first), (pair, _, second) = (play(specs, k, str(k), in_process=False) for k in range(3))
+    assert (here.done, alone.done, pair.done) == (6, 6, 6)
     assert digests(none) == digests(first) == digests(second)
     assert len(set(digests(first).values())) == 6
 
@@ -297,9 +297,9 @@ def test_run_json_names_the_backends_that_records_name(toys, tmp_path):
 
     job = Job("walker", backends=Backends("", "toy", "toy", sensors=("touch", "vision")), files=(toy_world.FILE,))
     run_split(toy_world.specs(1), job, Nobody(), tmp_path, plugins=toys)
-    told = json.loads((tmp_path / "run.json").read_text())["backends"]
-    first = next(name for name in ("bullet", "mujoco") if name in {one.name for one in toys.registered("simulators")})
-    assert (told["simulator"], told["sensors"]) == (first, ["vision", "touch"])
+    backends = json.loads((tmp_path / "run.json").read_text())["backends"]
+    first = next(name for name in ("bullet", "mujoco") if name in {item.name for item in toys.registered("simulators")})
+    assert (backends["simulator"], backends["sensors"]) == (first, ["vision", "touch"])
 
 
 def test_other_weights_are_refused_and_named(play, toys, monkeypatch):
@@ -431,7 +431,7 @@ def test_a_record_from_a_worker_cannot_leave_its_folder(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("ids", "told"),
+    ("ids", "message"),
     [
         (["toy-0", "toy-0"], "holds episode 'toy-0' twice"),
         (["toy-0", "TOY-0"], "twice"),  # Some file systems do not tell them apart.
@@ -439,9 +439,9 @@ def test_a_record_from_a_worker_cannot_leave_its_folder(tmp_path, name):
         (["Logs"], "of the run's own files"),
     ],
 )
-def test_ids_that_would_share_a_folder_are_refused(play, tmp_path, ids, told):
+def test_ids_that_would_share_a_folder_are_refused(play, tmp_path, ids, message):
     specs = [spec.model_copy(update={"id": name}) for spec, name in zip(toy_world.specs(2), ids, strict=False)]
-    with pytest.raises(HumanclawError, match=told):
+    with pytest.raises(HumanclawError, match=message):
         play(specs)
     assert not (tmp_path / "run").exists()
 

@@ -99,11 +99,11 @@ def test_the_answers_are_those_of_plain_arithmetic():
 # -- scenes ------------------------------------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def plugins():
-    found = Plugins.discover()
+    host = Plugins.discover()
     for module in (humanclaw_skill_answer, humanclaw_skill_hands):
         with suppress(PluginError):  # Installed already.
-            found.add(module, module.__name__)
-    return found
+            host.add(module, module.__name__)
+    return host
 
 
 @pytest.fixture(scope="module")
@@ -148,11 +148,11 @@ def test_a_first_view_is_alike_whosever_hands_are_on_the_left(first, plugins):
     spec, body = first
     others = plugins.scene(f"{spec.scene.removesuffix(',1')},-1")
     body.reset(spec.scene, spec.start)
-    one, (shown, left) = body.view(), in_the_mirror(body, body.view())
+    image, (shown, left) = body.view(), in_the_mirror(body, body.view())
     body.reset(others, spec.start)
     other = body.view()
-    assert (one.ids != other.ids).mean() < 0.002
-    shirts = [shown & (view.rgb[..., 2] > 1.5 * view.rgb[..., 0]) for view in (one, other)]
+    assert (image.ids != other.ids).mean() < 0.002
+    shirts = [shown & (view.rgb[..., 2] > 1.5 * view.rgb[..., 0]) for view in (image, other)]
     for half in (left, ~left):
         assert (shirts[0] & shirts[1] & half).sum() > 0.95 * ((shirts[0] | shirts[1]) & half).sum() > 1000
 

@@ -35,7 +35,7 @@ from humanclaw_bench.splits import (
 
 
 @pytest.fixture(scope="module")
-def found():
+def pool():
     return list(candidates(two_rooms(), 0, starts=6))
 
 
@@ -88,11 +88,11 @@ def test_obstacles_are_what_stands_within_a_metre():
 
 
 # -- candidates and choosing -------------------------------------------------------------------------------------------
-def test_every_candidate_can_be_walked(found):
+def test_every_candidate_can_be_walked(pool):
     scene = two_rooms()
     storeys = MultiFloorMap.of(scene)
-    assert {spec.target_category for spec in found} == {"couch", "bed", "tv"}
-    for spec in found:
+    assert {spec.target_category for spec in pool} == {"couch", "bed", "tv"}
+    for spec in pool:
         goals = np.concatenate([goals_at(storeys, scene, key) for key in spec.target_ids])
         start = np.array([[spec.start.x, spec.start.floor, spec.start.z]])
         assert spec.difficulty.distance == pytest.approx(DistanceField.of(storeys, start).at(goals).min(), rel=0.01)
@@ -101,37 +101,37 @@ def test_every_candidate_can_be_walked(found):
         assert ("sit" in spec.instruction) == spec.interact
 
 
-def test_the_same_seed_draws_the_same_candidates(found):
-    assert list(candidates(two_rooms(), 0, starts=6)) == found
-    assert list(candidates(two_rooms(), 1, starts=6)) != found
+def test_the_same_seed_draws_the_same_candidates(pool):
+    assert list(candidates(two_rooms(), 0, starts=6)) == pool
+    assert list(candidates(two_rooms(), 1, starts=6)) != pool
 
 
-def test_choosing_meets_its_quota_and_is_repeatable(found):
+def test_choosing_meets_its_quota_and_is_repeatable(pool):
     quota = Quota({"couch": 6, "bed": 4, "tv": 2}, (12, 12), dict.fromkeys(("couch", "bed", "tv"), (1, 9)))
-    chosen = choose(found, quota)
+    chosen = choose(pool, quota)
     assert [sum(spec.target_category == name for spec in chosen) for name in quota.categories] == [6, 4, 2]
-    assert choose(found, quota) == chosen
+    assert choose(pool, quota) == chosen
 
 
-def test_a_quota_that_cannot_be_met_is_an_error(found):
+def test_a_quota_that_cannot_be_met_is_an_error(pool):
     with pytest.raises(HumanclawError, match="no 999 episodes"):
-        choose(found, Quota({"couch": 999}, (0, 999), {"couch": (0, 999)}))
+        choose(pool, Quota({"couch": 999}, (0, 999), {"couch": (0, 999)}))
 
 
-def test_starts_of_one_house_and_category_are_a_metre_apart(found):
-    kept = spaced(found)
-    assert set(kept) < set(found)
-    for one, other in itertools.combinations(kept, 2):
-        if one.target_category == other.target_category:
-            assert np.hypot(one.start.x - other.start.x, one.start.z - other.start.z) >= 1.0
-    for left_out in set(found) - set(kept):
-        near = [np.hypot(left_out.start.x - one.start.x, left_out.start.z - one.start.z) for one in kept
-                if one.target_category == left_out.target_category]  # fmt: skip
+def test_starts_of_one_house_and_category_are_a_metre_apart(pool):
+    kept = spaced(pool)
+    assert set(kept) < set(pool)
+    for spec, other in itertools.combinations(kept, 2):
+        if spec.target_category == other.target_category:
+            assert np.hypot(spec.start.x - other.start.x, spec.start.z - other.start.z) >= 1.0
+    for left_out in set(pool) - set(kept):
+        near = [np.hypot(left_out.start.x - spec.start.x, left_out.start.z - spec.start.z) for spec in kept
+                if spec.target_category == left_out.target_category]  # fmt: skip
         assert min(near) < 1.0
 
 
-def test_starts_in_two_houses_or_for_two_categories_may_be_the_same(found):
-    couch = next(spec for spec in found if spec.target_category == "couch")
+def test_starts_in_two_houses_or_for_two_categories_may_be_the_same(pool):
+    couch = next(spec for spec in pool if spec.target_category == "couch")
     elsewhere = couch.model_copy(update={"scene": "house:9"})
     other = couch.model_copy(update={"target_category": "bed"})
     assert spaced([couch, elsewhere, other, couch]) == (couch, elsewhere, other)
@@ -155,8 +155,8 @@ def test_a_secret_leads_to_houses_that_nobody_else_has():
     assert list(candidates(two_rooms(), 0, starts=2, seed=(5, 2))) != list(candidates(two_rooms(), 0, starts=2))
 
 
-def test_a_split_reads_back_as_it_was_written(found, tmp_path):
-    specs = named(found)
+def test_a_split_reads_back_as_it_was_written(pool, tmp_path):
+    specs = named(pool)
     assert len({spec.id for spec in specs}) == len(specs)
     write_episodes(tmp_path / "mine.jsonl", specs)
     assert load_split(str(tmp_path / "mine.jsonl")) == specs
@@ -202,13 +202,13 @@ def test_the_readme_tells_the_figures_of_the_split_that_is_shipped():
     readme = " ".join((Path(__file__).parents[1] / "README.md").read_text("utf-8").split())
     val = load_split("val")
     ways = np.array([spec.difficulty.distance for spec in val])
-    found = [overall(spec.difficulty) for spec in val]
-    share = ", ".join(f"{100 * found.count(tier) / len(val):.1f}" for tier in ("easy", "medium", "hard"))
+    tiers = [overall(spec.difficulty) for spec in val]
+    share = ", ".join(f"{100 * tiers.count(tier) / len(val):.1f}" for tier in ("easy", "medium", "hard"))
     thirds = np.histogram(ways, [0, 3.5 + 1e-9, 8 + 1e-9, 99])[0] / len(val)
     couches = Counter(spec.scene for spec in val if spec.target_category == "couch").values()
     for words in (
         f"| easy, medium, hard | {share} % |",
-        "| distance of the three tiers | " + ", ".join(f"{100 * one:.0f}" for one in thirds) + " % |",
+        "| distance of the three tiers | " + ", ".join(f"{100 * third:.0f}" for third in thirds) + " % |",
         f"| {np.median(ways):.1f} m; {np.quantile(ways, 0.9):.1f} m |",
         f"over 20 m ({ways.max():.1f} m the longest)",
     ):

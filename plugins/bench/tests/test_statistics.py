@@ -19,9 +19,9 @@ Z = 1.959963984540054
 @pytest.mark.parametrize(("successes", "trials"), [(0, 10), (10, 10), (42, 100), (1, 1), (597, 1218)])
 def test_a_rate_has_wilsons_interval(successes: int, trials: int) -> None:
     independent = stats.binomtest(successes, trials).proportion_ci(0.95, method="wilson")
-    found = wilson(successes, trials)
-    assert (found.value, found.count) == (successes / trials, trials)
-    assert (found.low, found.high) == pytest.approx((independent.low, independent.high), abs=1e-9)
+    interval = wilson(successes, trials)
+    assert (interval.value, interval.count) == (successes / trials, trials)
+    assert (interval.low, interval.high) == pytest.approx((independent.low, independent.high), abs=1e-9)
 
 
 def test_no_trials_have_no_rate() -> None:
@@ -48,24 +48,24 @@ def test_intervals_of_rates_near_none_and_all_hold_the_truth_too(share: float) -
 
 def test_houses_that_do_not_differ_cost_a_rate_little() -> None:
     met = [k % 2 == 0 for k in range(1200)]
-    found, plain = rate(met, [f"house:{k // 30}" for k in range(1200)]), wilson(600, 1200)
-    assert found.value == plain.value
-    assert plain.high <= found.high <= plain.high + 0.002
+    interval, plain = rate(met, [f"house:{k // 30}" for k in range(1200)]), wilson(600, 1200)
+    assert interval.value == plain.value
+    assert plain.high <= interval.high <= plain.high + 0.002
 
 
 def test_a_rate_of_one_has_an_interval_all_the_same() -> None:
-    found = rate([True] * 60, [f"house:{k % 10}" for k in range(60)])
-    assert (found.value, found.high) == (1.0, 1.0)
+    interval = rate([True] * 60, [f"house:{k % 10}" for k in range(60)])
+    assert (interval.value, interval.high) == (1.0, 1.0)
     # If the six of a house always end alike, they are ten trials: ten times log(low) is half of t squared, and t of
     # nine degrees is 2.262.
-    assert found.low == pytest.approx(np.exp(-(2.262**2) / 20), abs=0.03)
-    assert found.low < wilson(60, 60).low
+    assert interval.low == pytest.approx(np.exp(-(2.262**2) / 20), abs=0.03)
+    assert interval.low < wilson(60, 60).low
 
 
 def test_two_houses_that_alone_succeed_say_little_of_others() -> None:
     """Clopper and Pearson give two trials in 41 [0.6, 16.5] %; the mean of chances has a narrower interval."""
-    found = rate([k < 60 for k in range(1230)], [f"house:{k // 30}" for k in range(1230)])
-    assert (found.low, found.high) == pytest.approx((0.006, 0.13), abs=0.01)
+    interval = rate([k < 60 for k in range(1230)], [f"house:{k // 30}" for k in range(1230)])
+    assert (interval.low, interval.high) == pytest.approx((0.006, 0.13), abs=0.01)
 
 
 @pytest.mark.integration
@@ -85,7 +85,7 @@ def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
         values = (5 + rng.normal(0, 1, 41)[:, None] + rng.normal(0, 1, (41, 6))).ravel()
         houses = [f"house:{k}" for k in range(41) for _ in range(6)]
         both = ratio(values, np.ones(246), seed=seed), ratio(values, np.ones(246), houses, seed=seed)
-        held += [one.low <= 5 <= one.high for one in both]
+        held += [interval.low <= 5 <= interval.high for interval in both]
     assert held[0] / 80 < 0.85
     assert 0.88 <= held[1] / 80 <= 0.99
 
@@ -93,23 +93,23 @@ def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
 # -- means and ratios --------------------------------------------------------------------------------------------------
 def test_the_interval_of_a_mean_agrees_with_the_normal_one() -> None:
     values = np.random.default_rng(1).exponential(3.0, 400)
-    found = ratio(values, np.ones(400))
+    interval = ratio(values, np.ones(400))
     half = Z * values.std(ddof=1) / 20
-    assert found.value == pytest.approx(values.mean())
-    assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), rel=0.02)
+    assert interval.value == pytest.approx(values.mean())
+    assert (interval.low, interval.high) == pytest.approx((values.mean() - half, values.mean() + half), rel=0.02)
 
 
 def test_the_interval_of_ten_values_is_as_wide_as_students() -> None:
     """0 to 9 have the deviation sqrt(82.5 / 9) = 3.028, and t of nine degrees is 2.262."""
-    found = [ratio(np.arange(10.0), np.ones(10), seed=seed) for seed in range(20)]
-    half = np.mean([one.high - one.low for one in found]) / 2
+    intervals = [ratio(np.arange(10.0), np.ones(10), seed=seed) for seed in range(20)]
+    half = np.mean([interval.high - interval.low for interval in intervals]) / 2
     assert half == pytest.approx(2.262 * 3.028 / np.sqrt(10), rel=0.03)
 
 
 def test_intervals_of_a_few_episodes_hold_the_truth_too() -> None:
     rng = np.random.default_rng(2)
-    found = [ratio(rng.normal(1.0, 1.0, 8), np.ones(8), seed=k) for k in range(300)]
-    assert 0.9 <= np.mean([one.low <= 1.0 <= one.high for one in found]) <= 0.99
+    intervals = [ratio(rng.normal(1.0, 1.0, 8), np.ones(8), seed=k) for k in range(300)]
+    assert 0.9 <= np.mean([interval.low <= 1.0 <= interval.high for interval in intervals]) <= 0.99
 
 
 def test_a_ratio_weighs_episodes_by_their_denominators() -> None:
@@ -124,36 +124,36 @@ def test_the_same_seed_gives_the_same_interval() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 4])
 def test_too_few_episodes_have_no_interval(count: int) -> None:
-    found = ratio(np.arange(count), np.ones(count))
-    assert np.isnan([found.low, found.high]).all()
-    assert found.count == count
+    interval = ratio(np.arange(count), np.ones(count))
+    assert np.isnan([interval.low, interval.high]).all()
+    assert interval.count == count
 
 
 def test_nothing_disturbed_is_no_path() -> None:
-    found = ratio(np.zeros(9), np.zeros(9))
-    assert np.isnan([found.value, found.low, found.high]).all()
+    interval = ratio(np.zeros(9), np.zeros(9))
+    assert np.isnan([interval.value, interval.low, interval.high]).all()
 
 
 # -- paired rates ------------------------------------------------------------------------------------------------------
 def test_mcnemars_test_asks_only_the_episodes_that_differ() -> None:
     a = [True] + [False] * 8 + [True] * 30
     b = [False] + [True] * 8 + [True] * 30
-    found = compare_rates(a, b)
+    difference = compare_rates(a, b)
     # Of nine tosses at most one the other way: 2 (1 + 9) / 2^9.
-    assert found.p == pytest.approx(20 / 512)
-    assert found.value == pytest.approx(7 / 39)
-    assert found.significant
+    assert difference.p == pytest.approx(20 / 512)
+    assert difference.value == pytest.approx(7 / 39)
+    assert difference.significant
     other = compare_rates(b, a)
     assert (other.p, other.value, other.low, other.high) == pytest.approx(
-        (found.p, -found.value, -found.high, -found.low)
+        (difference.p, -difference.value, -difference.high, -difference.low)
     )
 
 
 def test_equal_runs_differ_by_noise_and_not_by_certainty() -> None:
-    found = compare_rates([True, False] * 10, [True, False] * 10)
-    assert (found.p, found.value) == (1.0, 0.0)
-    assert not found.significant
-    assert found.low < 0.0 < found.high
+    difference = compare_rates([True, False] * 10, [True, False] * 10)
+    assert (difference.p, difference.value) == (1.0, 0.0)
+    assert not difference.significant
+    assert difference.low < 0.0 < difference.high
 
 
 def test_the_interval_of_a_paired_difference_holds_the_truth() -> None:
@@ -161,8 +161,8 @@ def test_the_interval_of_a_paired_difference_holds_the_truth() -> None:
     held = 0
     for _ in range(400):
         kind = rng.choice(4, 50, p=[0.3, 0.2, 0.1, 0.4])  # both, B alone, A alone, neither: the difference is 0.1
-        found = compare_rates(list(np.isin(kind, (0, 2))), list(np.isin(kind, (0, 1))))
-        held += found.low <= 0.1 <= found.high
+        difference = compare_rates(list(np.isin(kind, (0, 2))), list(np.isin(kind, (0, 1))))
+        held += difference.low <= 0.1 <= difference.high
     assert 0.92 <= held / 400 <= 0.99
 
 
@@ -188,24 +188,24 @@ def test_the_test_by_house_agrees_with_all_swaps_there_are() -> None:
 
 
 def test_two_episodes_can_never_tell() -> None:
-    found = compare_rates([False, False], [True, True])
-    assert (found.p, found.least) == (0.5, 0.5)
-    assert holm([found, found])[0].least == 1.0
+    difference = compare_rates([False, False], [True, True])
+    assert (difference.p, difference.least) == (0.5, 0.5)
+    assert holm([difference, difference])[0].least == 1.0
 
 
 # -- paired ratios -----------------------------------------------------------------------------------------------------
 def test_the_swap_test_agrees_with_all_swaps_there_are() -> None:
     rng = np.random.default_rng(5)
     a, b = rng.uniform(0, 2, (8, 2)), rng.uniform(0.5, 3, (8, 2))
-    found = compare_ratios([tuple(x) for x in a], [tuple(x) for x in b])
+    difference = compare_ratios([tuple(x) for x in a], [tuple(x) for x in b])
     values = []
     for swaps in itertools.product((False, True), repeat=8):
-        one = [y if swap else x for x, y, swap in zip(a, b, swaps, strict=True)]
-        two = [x if swap else y for x, y, swap in zip(a, b, swaps, strict=True)]
-        values.append(sum(x[0] for x in two) / sum(x[1] for x in two) - sum(x[0] for x in one) / sum(x[1] for x in one))
+        old = [y if swap else x for x, y, swap in zip(a, b, swaps, strict=True)]
+        new = [x if swap else y for x, y, swap in zip(a, b, swaps, strict=True)]
+        values.append(sum(x[0] for x in new) / sum(x[1] for x in new) - sum(x[0] for x in old) / sum(x[1] for x in old))
     exact = np.mean(np.abs(values) >= abs(values[0]) - 1e-12)
-    assert found.value == pytest.approx(values[0])
-    assert found.p == pytest.approx(exact, abs=0.04)
+    assert difference.value == pytest.approx(values[0])
+    assert difference.p == pytest.approx(exact, abs=0.04)
 
 
 def test_p_is_never_zero_and_equal_differences_count() -> None:
@@ -228,10 +228,10 @@ def test_pairing_shows_a_small_difference_between_unlike_episodes() -> None:
     rng = np.random.default_rng(7)
     episodes = rng.normal(50.0, 30.0, 40)
     a, b = [(x, 1.0) for x in episodes], [(x + 1.0 + rng.normal(0, 0.5), 1.0) for x in episodes]
-    found = compare_ratios(a, b)
-    assert found.significant
-    assert 0.0 < found.low < found.value < found.high
-    assert found.high - found.low < 1.0
+    difference = compare_ratios(a, b)
+    assert difference.significant
+    assert 0.0 < difference.low < difference.value < difference.high
+    assert difference.high - difference.low < 1.0
 
 
 def test_nothing_to_compare_is_noise() -> None:
@@ -241,22 +241,22 @@ def test_nothing_to_compare_is_noise() -> None:
 
 # -- many metrics ------------------------------------------------------------------------------------------------------
 def test_many_comparisons_raise_p_by_holms_rule() -> None:
-    found = holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.01, 0.04, 0.03)])
-    assert [one.p for one in found] == pytest.approx([0.03, 0.06, 0.06])
-    assert [one.significant for one in found] == [True, False, False]
+    differences = holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.01, 0.04, 0.03)])
+    assert [difference.p for difference in differences] == pytest.approx([0.03, 0.06, 0.06])
+    assert [difference.significant for difference in differences] == [True, False, False]
 
 
 def test_metrics_in_which_no_episode_differs_raise_no_p_of_others() -> None:
     tokens = compare_ratios([(0.0, 6.0)] * 9, [(0.0, 9.0)] * 9)  # None of six steps, and none of nine.
     stopped = compare_rates([True] * 9, [True] * 9)
     assert (tokens.alike, stopped.alike) == (True, True)
-    found = holm([tokens, Difference(0, 1, 1, 0, 2, 0.02, 9), stopped, Difference(0, 1, 1, 0, 2, 0.03, 9)])
-    assert [one.p for one in found] == pytest.approx([1.0, 0.04, 1.0, 0.04])
+    differences = holm([tokens, Difference(0, 1, 1, 0, 2, 0.02, 9), stopped, Difference(0, 1, 1, 0, 2, 0.03, 9)])
+    assert [difference.p for difference in differences] == pytest.approx([1.0, 0.04, 1.0, 0.04])
     assert holm([tokens, stopped])[0].p == 1.0
-    one = replace(tokens, alike=False, least=0.01)
-    assert holm([one, replace(one, alike=True)])[0].least == 0.01
+    certain = replace(tokens, alike=False, least=0.01)
+    assert holm([certain, replace(certain, alike=True)])[0].least == 0.01
     assert not compare_rates([True, False], [False, True]).alike
 
 
 def test_p_is_never_raised_above_one() -> None:
-    assert [one.p for one in holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.9, 0.8)])] == [1.0, 1.0]
+    assert [difference.p for difference in holm([Difference(0, 0, 0, 0, 0, p, 9) for p in (0.9, 0.8)])] == [1.0, 1.0]

@@ -58,9 +58,9 @@ def change(path: Path, **what: Any) -> None:
 
 
 def test_a_submission_names_author_model_and_records_and_no_number(run: Path) -> None:
-    told = json.loads(submitted(run).read_text())
-    assert told.keys() == {"format", "who", "made", "model_date", "digest"}
-    assert (told["who"], told["model_date"], len(told["digest"])) == ("Ada <ada@example.org>", "2026-11", 64)
+    claims = json.loads(submitted(run).read_text())
+    assert claims.keys() == {"format", "who", "made", "model_date", "digest"}
+    assert (claims["who"], claims["model_date"], len(claims["digest"])) == ("Ada <ada@example.org>", "2026-11", 64)
 
 
 def test_verify_says_who_submitted_the_records(run: Path) -> None:
@@ -95,7 +95,7 @@ def test_a_submission_holds_for_its_records_and_run_json_alone(run: Path, edit: 
 # -- a run that is not what it says ------------------------------------------------------------------------------------
 def keep_successes(run: Path) -> None:
     """Take the failures out, and say in run.json that the rest is all."""
-    write_episodes(run / "split.jsonl", [one.record.spec for one in load_run(run)])
+    write_episodes(run / "split.jsonl", [episode.record.spec for episode in load_run(run)])
     shutil.rmtree(run / "e0")
     say(run, episodes=3)
 
@@ -106,8 +106,8 @@ def keep_successes_alone(run: Path) -> None:
 
 
 def say(run: Path, **what: Any) -> None:
-    told = json.loads((run / "run.json").read_text())
-    (run / "run.json").write_text(json.dumps(told | what))
+    manifest = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps(manifest | what))
 
 
 def rewrite(run: Path, name: str, spec: dict[str, Any] | None = None, **changes: Any) -> None:
@@ -127,7 +127,7 @@ def unseal_files(run: Path) -> None:
 
 
 def another_start(run: Path) -> None:
-    write_episodes(run / "split.jsonl", [one.record.spec for one in load_run(run)])
+    write_episodes(run / "split.jsonl", [episode.record.spec for episode in load_run(run)])
     rewrite(run, "e1", {"start": Pose2D(x=1.5, z=1.2, yaw=2.0), "seed": 99, "max_steps": 2})
 
 
@@ -163,9 +163,9 @@ TAMPERED = [
 
 @pytest.mark.parametrize(("tamper", "words"), TAMPERED)
 def test_a_run_that_is_not_what_it_says_is_named_everywhere(run: Path, tamper: Any, words: str) -> None:
-    told = submitted(run).rename(run.parent / "told")
+    path = submitted(run).rename(run.parent / "told")
     tamper(run)  # Some verify in between.
-    told.rename(run / "submission.json")
+    path.rename(run / "submission.json")
     verified = invoke("verify", run)
     assert (verified.exit_code, words in verified.output.replace("\\", "/")) == (1, True)
     for refused in (("submit", run, "--who", "x"), ("table", run, "--format", "latex", "--partial")):
@@ -316,9 +316,9 @@ def test_a_privileged_agent_is_called_so_under_every_table(run: Path) -> None:
     submitted(run)
     invoke("leaderboard", run.parent)
     assert "rivileged" not in invoke("table", run, "--format", "markdown").output + page(run)[0]
-    for one in load_run(run):
-        told = {**one.record.settings, "privileged": {"agent": True}}
-        rewrite(run, one.folder.name, settings=told)
+    for episode in load_run(run):
+        settings = {**episode.record.settings, "privileged": {"agent": True}}
+        rewrite(run, episode.folder.name, settings=settings)
     assert "Privileged (knows scene and true state): agent." in invoke("table", run, "--format", "markdown").output
     submitted(run)
     invoke("leaderboard", run.parent)
@@ -403,7 +403,7 @@ def test_verify_says_where_no_run_json_tells_what_the_records_are_of(run: Path) 
 
 
 def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
-    write_episodes(run / "split.jsonl", [one.record.spec for one in load_run(run)])
+    write_episodes(run / "split.jsonl", [episode.record.spec for episode in load_run(run)])
     shutil.rmtree(run / "e2")
     result = invoke("verify", run)
     assert (result.exit_code, "3 of 4 records" in result.output) == (0, True)
@@ -420,7 +420,7 @@ def test_a_partial_run_is_listed_apart_and_unranked(run: Path) -> None:
     submitted(run)
     part = run.parent / "part"
     shutil.copytree(run, part)
-    write_episodes(part / "split.jsonl", [one.record.spec for one in load_run(run)])
+    write_episodes(part / "split.jsonl", [episode.record.spec for episode in load_run(run)])
     shutil.rmtree(part / "e0")
     assert "not complete" in str(invoke("submit", part, "--who", "Bob").exception)
     assert invoke("submit", part, "--who", "Bob", "--partial").exit_code == 0

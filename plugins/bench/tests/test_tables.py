@@ -57,7 +57,7 @@ def base(tmp_path: Path) -> Scores:
 
 def results_of(base: Scores, *agents: str) -> tuple:
     far = replace(base, nav=False, interact=False, outcome="out_of_steps")
-    four = [replace(one, episode=f"e{k}") for k, one in enumerate((base, base, base, far))]
+    four = [replace(scores, episode=f"e{k}") for k, scores in enumerate((base, base, base, far))]
     return named({name: [(replace(s, agent=name), None) for s in four] for name in agents})
 
 
@@ -70,7 +70,7 @@ def test_rows_of_two_simulators_are_never_one_row(base: Scores):
 
 def test_rows_of_two_gazes_name_theirs(base: Scores):
     bodies = [replace(base, conditions={"simulator": "bullet", "profile": "paper", "gaze": name}) for name in GAZES]
-    near, far = named({"one run": [(one, None) for one in bodies]})
+    near, far = named({"one run": [(scores, None) for scores in bodies]})
     assert (near.name, far.name) == (f"{base.agent}, gaze body", f"{base.agent}, gaze far")
     assert all(text in far.note for text in ("bullet", "paper", "far"))
 
@@ -86,8 +86,8 @@ def test_a_row_holds_rates_with_intervals_and_number_of_episodes(base: Scores) -
 
 def test_columns_of_the_body_and_of_paths_hold_their_own_numbers(base: Scores) -> None:
     groups = {"any": 0.5, "arm_hand": 0.1, "torso": 0.2, "leg_foot": 0.3, "head": 0.4, "fixed": 0.0, "person": 0.0}
-    one = replace(base, collisions=groups, disturbed=2, displaced=1, disturbed_path=3.0)
-    values = {metric.name: estimate(metric, [one]).value for metric in ALL}
+    scores = replace(base, collisions=groups, disturbed=2, displaced=1, disturbed_path=3.0)
+    values = {metric.name: estimate(metric, [scores]).value for metric in ALL}
     assert [values[name] for name in ("Arm/Hand", "Torso", "Leg/Foot", "Head")] == [0.1, 0.2, 0.3, 0.4]
     assert values["path (m)"] == 1.5
 
@@ -108,7 +108,7 @@ def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
 def test_failures_of_a_plugin_and_of_a_limit_count_and_are_told(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
     spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
-    scores = [replace(one, episode=f"e{k}") for k, one in enumerate((base, broken, *spent))]
+    scores = [replace(scores, episode=f"e{k}") for k, scores in enumerate((base, broken, *spent))]
     table = result_table("main", named({"run": [(s, None) for s in scores]}), paper=False)
     assert table.rows[0].cells[2] == wilson(1, 4)
     assert table.notes == (
@@ -118,19 +118,19 @@ def test_failures_of_a_plugin_and_of_a_limit_count_and_are_told(base: Scores) ->
     )
 
 
-@pytest.mark.parametrize(("unasked", "told"), [(1, "1.0 %."), (2, "2.0 %. Warning")])
-def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int, told: str) -> None:
+@pytest.mark.parametrize(("unasked", "words"), [(1, "1.0 %."), (2, "2.0 %. Warning")])
+def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int, words: str) -> None:
     scores = replace(base, verifier="llm", verified=100, unasked=unasked)
     table = result_table("main", named({"run": [(scores, None)]}), paper=False)
     column = [c.name for c in table.columns].index("unasked")
     assert table.rows[0].cells[column].value == unasked / 100
-    assert f"Calls executed unverified: {told}" in table.notes[0]
+    assert f"Calls executed unverified: {words}" in table.notes[0]
     assert ("Warning" in table.notes[0]) is (unasked > 1)
 
 
 def test_an_incomplete_run_is_told_and_refused_where_it_would_mislead(tmp_path: Path) -> None:
     whole, part = write_run(tmp_path / "a", 2, 1), write_run(tmp_path / "b", 2, 1)
-    write_episodes(part / "split.jsonl", [one.record.spec for one in load_run(part)])
+    write_episodes(part / "split.jsonl", [episode.record.spec for episode in load_run(part)])
     shutil.rmtree(part / "e01")
     assert "2 of 3 episodes" in invoke("table", part).output.replace("\n", " ")
     for command in (("table", part, "--format", "latex"), ("compare", whole, part)):
@@ -217,9 +217,9 @@ def test_the_papers_rows_say_why_they_are_no_comparison(base: Scores) -> None:
     assert len(paper) == 9
     assert all(row.name.endswith("\u2020") for row in paper)
     gemini = next(row for row in paper if row.name.startswith("Gemini-3.1"))
-    told = [cell.value for cell in gemini.cells[:7]]
+    values = [cell.value for cell in gemini.cells[:7]]
     unknown = float("nan")  # It has neither false claims nor ArriveSR.
-    assert told == pytest.approx([0.649, unknown, 0.424, unknown, 0.168, 0.395, 1.50], nan_ok=True)
+    assert values == pytest.approx([0.649, unknown, 0.424, unknown, 0.168, 0.395, 1.50], nan_ok=True)
     assert any("other scenes" in note for note in table.all_notes)
     assert not any(
         "other scenes" in note for note in result_table("main", results_of(base, "model"), paper=False).all_notes
@@ -230,22 +230,22 @@ def test_results_are_broken_down_by_difficulty_and_category(base: Scores) -> Non
     easy, hard = replace(base, tier="easy"), replace(base, tier="hard", nav=False, category="bed")
     tables = all_tables(named({"a": [(easy, None), (easy, None), (hard, None)]}))
     column = [c.name for c in tables["difficulty"].columns].index("NavSR")
-    found = {row.name.split(", ")[1]: row.cells[column] for row in tables["difficulty"].rows}
-    assert {name: (cell.value, cell.count) for name, cell in found.items()} == {"easy": (1.0, 2), "hard": (0.0, 1)}
+    cells = {row.name.split(", ")[1]: row.cells[column] for row in tables["difficulty"].rows}
+    assert {name: (cell.value, cell.count) for name, cell in cells.items()} == {"easy": (1.0, 2), "hard": (0.0, 1)}
     assert [row.name.split(", ")[1] for row in tables["category"].rows] == ["couch", "bed"]
 
 
 def test_agents_that_repeat_are_told_apart_by_their_run(base: Scores) -> None:
-    one = [(base, None)]
-    assert [r.name for r in named({"x": one, "y": one})] == ["model (x)", "model (y)"]
+    run = [(base, None)]
+    assert [r.name for r in named({"x": run, "y": run})] == ["model (x)", "model (y)"]
     other = [(replace(base, verifier="geometry"), None)]
-    assert [r.name for r in named({"x": one, "y": other})] == ["model", "model + geometry"]
+    assert [r.name for r in named({"x": run, "y": other})] == ["model", "model + geometry"]
 
 
 def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -> None:
     episodes = [rollout(tmp_path, FAR, name=f"far{k}") for k in range(3)] + [rollout(tmp_path, SAT, name="sat")]
     episodes += [rollout(tmp_path, [FOUND, step(away=0.1)], name="arrived")]
-    scored = [(score(one), attribute(one)) for one in episodes]
+    scored = [(score(episode), attribute(episode)) for episode in episodes]
     table = all_tables(named({"run": scored}), paper=False)["causes"]
     shares = {row.name: row.cells[0] for row in table.rows}
     assert shares["nav: stop while far"] == wilson(3, 4)
@@ -281,8 +281,8 @@ def test_a_difference_is_told_in_words(better: str, value: float, p: float, word
     ],
 )
 def test_a_share_is_noise_only_where_its_interval_holds_0(low: float, high: float, least: float, words: str) -> None:
-    found = Difference(0.5, 0.5, 0.0, low, high, 0.9, 9, least)
-    assert verdict(Column("NavSR", percent=True), found) == words
+    difference = Difference(0.5, 0.5, 0.0, low, high, 0.9, 9, least)
+    assert verdict(Column("NavSR", percent=True), difference) == words
 
 
 @pytest.mark.parametrize(
@@ -303,11 +303,11 @@ def test_a_mean_is_noise_only_where_its_interval_holds_0(
 
 def test_what_differs_in_no_episode_is_the_same(base: Scores) -> None:
     a, b = ([replace(base, episode=f"e{k}", scene=f"house:{k}", find=k < 7) for k in range(14)] for _ in range(2))
-    found = compare(a, b)
-    assert [verdict(Column(name), found[name]) for name in ("in tok/step", "cost ($)", "steps")] == ["the same"] * 3
+    compared = compare(a, b)
+    assert [verdict(Column(name), compared[name]) for name in ("in tok/step", "cost ($)", "steps")] == ["the same"] * 3
     # A rate has an interval that tells what fourteen episodes leave open: 1.96 / 16 either way.
-    assert found["FindSR"].high == pytest.approx(1.96 / 16, abs=1e-4)
-    assert verdict(Column("FindSR", percent=True), found["FindSR"]) == "too few to tell"
+    assert compared["FindSR"].high == pytest.approx(1.96 / 16, abs=1e-4)
+    assert verdict(Column("FindSR", percent=True), compared["FindSR"]) == "too few to tell"
 
 
 def test_a_p_below_a_thousandth_is_not_printed_as_0() -> None:
@@ -318,8 +318,8 @@ def test_a_p_below_a_thousandth_is_not_printed_as_0() -> None:
 def test_a_comparison_tells_of_how_many_episodes_each_metric_is(base: Scores) -> None:
     a = [replace(base, episode=f"e{k}", jerk=9.0, spl=0.5, soft_spl=0.5, false_claims=0.0) for k in range(8)]
     still = dict.fromkeys(base.collisions, float("nan"))
-    b = [replace(one, collisions=still if k < 2 else one.collisions) for k, one in enumerate(a)]
-    a = [replace(one, jerk=float("nan") if k < 3 else 9.0) for k, one in enumerate(a)]
+    b = [replace(scores, collisions=still if k < 2 else scores.collisions) for k, scores in enumerate(a)]
+    a = [replace(scores, jerk=float("nan") if k < 3 else 9.0) for k, scores in enumerate(a)]
     caption = str(compare_table(compare(a, b), ALL, "a", "b").caption)
     assert caption.startswith("Over the 8 episodes that both finished")
     assert "Fewer count for Coll., Arm/Hand, Torso, Leg/Foot, Head, Coll. fixed (6), Jerk (5)." in caption
@@ -360,9 +360,9 @@ def test_results_are_told_by_each_dimension_of_difficulty_apart(base: Scores) ->
     far = base.spec.model_copy(update={"difficulty": Difficulty(distance=9.0, turns=0, rooms=1, obstacles=3.0)})
     near = base.spec.model_copy(update={"difficulty": Difficulty(distance=3.0, turns=2, rooms=1, obstacles=3.0)})
     scores = (replace(base, episode="far", spec=far, nav=False), replace(base, episode="near", spec=near, nav=True))
-    found = factors_table([Scored("x", scores, (None, None))])
-    nav = [column.name for column in found.columns].index("NavSR")
-    assert {row.name: row.cells[nav].value for row in found.rows} == {
+    table = factors_table([Scored("x", scores, (None, None))])
+    nav = [column.name for column in table.columns].index("NavSR")
+    assert {row.name: row.cells[nav].value for row in table.rows} == {
         "x, distance: easy": 1.0, "x, distance: hard": 0.0, "x, choice: easy": 0.0, "x, choice: medium": 1.0,
         "x, obstacle: medium": 0.5,
     }  # fmt: skip
@@ -453,10 +453,10 @@ def test_compare_says_which_run_is_better_and_what_is_noise(tmp_path: Path) -> N
 def test_rescore_writes_a_line_an_episode(tmp_path: Path) -> None:
     result = invoke("rescore", write_run(tmp_path, 1, 1))
     assert result.exit_code == 0
-    one, two = (json.loads(line) for line in (tmp_path / "scores.jsonl").read_text().splitlines())
-    assert (one["episode"], one["interact"], "cause" in one) == ("e00", True, False)
-    assert (two["cause"], two["stage"], two["capability"]) == ("stop while far", "nav", "ego-spatial distance")
-    assert one["jerk"] == pytest.approx(score(RecordedEpisode(tmp_path / "e00")).jerk)
+    first, second = (json.loads(line) for line in (tmp_path / "scores.jsonl").read_text().splitlines())
+    assert (first["episode"], first["interact"], "cause" in first) == ("e00", True, False)
+    assert (second["cause"], second["stage"], second["capability"]) == ("stop while far", "nav", "ego-spatial distance")
+    assert first["jerk"] == pytest.approx(score(RecordedEpisode(tmp_path / "e00")).jerk)
 
 
 def test_a_number_that_is_not_known_is_null(tmp_path: Path) -> None:
@@ -579,7 +579,7 @@ def test_the_papers_shares_of_each_stage_are_a_whole():
     printed = paper_results()["causes"]
     assert set(printed) == {cause.label for cause in CAUSES}
     sums = {
-        stage: sum(one["nine models"] for label, one in printed.items() if label.startswith(stage)) for stage in STAGES
+        stage: sum(row["nine models"] for label, row in printed.items() if label.startswith(stage)) for stage in STAGES
     }
     assert sums == {"find": 101, "nav": 99.5, "interact": 100}
 
@@ -587,7 +587,7 @@ def test_the_papers_shares_of_each_stage_are_a_whole():
 def test_the_funnel_pools_runs_beside_the_papers(base: Scores):
     """Of four episodes of each agent all were found; three of a and none of b were reached."""
     a, b = results_of(base, "a", "b")
-    b = replace(b, scores=tuple(replace(one, nav=False, interact=False) for one in b.scores))
+    b = replace(b, scores=tuple(replace(scores, nav=False, interact=False) for scores in b.scores))
     rows = {row.name: [cell.value for cell in row.cells] for row in all_tables([a, b])["funnel"].rows}
     assert rows["all runs"][:3] == [1.0, 1.0, 3 / 8]
     assert rows["nine models \u2020"] == pytest.approx([0.614, 5473 / 10962, 1767 / 10962, 213 / 726], abs=1e-3)
@@ -612,7 +612,7 @@ def test_the_best_and_second_best_of_three_runs_are_marked(base: Scores):
 @pytest.mark.parametrize(("passed", "ranks"), [((4, 0, 0), [1, 0, 0]), ((4, 4, 0), [1, 1, 0]), ((4, 0, 2), [1, 0, 2])])
 def test_the_worst_value_of_a_column_has_no_mark(base: Scores, passed, ranks):
     runs = [
-        replace(run, scores=tuple(replace(one, nav=index < count) for index, one in enumerate(run.scores)))
+        replace(run, scores=tuple(replace(scores, nav=index < count) for index, scores in enumerate(run.scores)))
         for run, count in zip(results_of(base, "a", "b", "c"), passed, strict=True)
     ]
     table = result_table("variants", runs, paper=False)

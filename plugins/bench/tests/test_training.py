@@ -115,8 +115,8 @@ def gym(plugins):
         return made[name]
 
     yield get
-    for one in made.values():
-        one.close()
+    for env in made.values():
+        env.close()
 
 
 def _seen(gym):
@@ -130,12 +130,12 @@ def _called(gym, name, **arguments):
 
 @pytest.mark.integration
 def test_to_approach_begins_ahead_and_a_stop_at_once_fails(gym):
-    one = gym("approach")
+    env = gym("approach")
     for seed in (0, 1):
-        one.reset(seed)
-        assert _seen(one) >= 100
-        assert 0.2 < one.episode.target_distance() < 3.5
-    turn = _called(one, "stop")
+        env.reset(seed)
+        assert _seen(env) >= 100
+        assert 0.2 < env.episode.target_distance() < 3.5
+    turn = _called(env, "stop")
     assert turn.done
     assert not turn.solved
     assert turn.reward == 0
@@ -143,58 +143,58 @@ def test_to_approach_begins_ahead_and_a_stop_at_once_fails(gym):
 
 @pytest.mark.integration
 def test_to_turn_begins_out_of_view(gym):
-    one, blindly = gym("turn"), []
+    env, blindly = gym("turn"), []
     for seed in range(10):
-        one.reset(seed)
-        assert _seen(one) < 100
-        spec = one.episode.spec
-        one.begin(spec.model_copy(update={"start": replace(spec.start, yaw=spec.start.yaw + np.pi)}))
-        blindly.append(_seen(one) >= 100)
+        env.reset(seed)
+        assert _seen(env) < 100
+        spec = env.episode.spec
+        env.begin(spec.model_copy(update={"start": replace(spec.start, yaw=spec.start.yaw + np.pi)}))
+        blindly.append(_seen(env) >= 100)
     assert sum(blindly) < 8
 
 
 @pytest.mark.integration
 def test_to_turn_is_solved_by_honest_words_alone(gym):
-    one = gym("turn")
+    env = gym("turn")
     for words in ("visible_state: A {} is ahead.", "visible_state: No {} is in view."):
-        one.reset(0)
-        noun = one.episode.spec.target_category
+        env.reset(0)
+        noun = env.episode.spec.target_category
         for _ in range(9):
-            if _seen(one) >= 500:
+            if _seen(env) >= 500:
                 break
-            _called(one, "turn_in_place", yaw_deg=60)
-        turn = _called(one, "stop", thoughts=words.format(noun))
+            _called(env, "turn_in_place", yaw_deg=60)
+        turn = _called(env, "stop", thoughts=words.format(noun))
         assert turn.solved == ("No" not in words)
         assert turn.reward == pytest.approx(2.0 if turn.solved else 0.0)
 
 
 @pytest.mark.integration
 def test_to_sit_begins_with_the_back_to_the_seat(gym):
-    one = gym("sit")
-    one.reset(1)
-    assert _seen(one) < 100
-    while one.episode.body.last is None or one.episode.body.last.feedback.proprioception is None:
-        before = one.episode.target_distance()
-        turn = _called(one, "step_back", z_cm=15)
-        if turn.done or abs(before - one.episode.target_distance()) < 0.02:
+    env = gym("sit")
+    env.reset(1)
+    assert _seen(env) < 100
+    while env.episode.body.last is None or env.episode.body.last.feedback.proprioception is None:
+        before = env.episode.target_distance()
+        turn = _called(env, "step_back", z_cm=15)
+        if turn.done or abs(before - env.episode.target_distance()) < 0.02:
             break
-    _called(one, "sit_in_place", h_cm=48)
-    _called(one, "sit_in_place", h_cm=44)
-    assert _called(one, "stop").solved
+    _called(env, "sit_in_place", h_cm=48)
+    _called(env, "sit_in_place", h_cm=44)
+    assert _called(env, "stop").solved
 
 
 @pytest.mark.integration
 def test_to_touch_tells_no_category_and_is_solved_by_its_name(gym):
-    one = gym("touch")
-    one.reset(2)
-    spec = one.episode.spec
+    env = gym("touch")
+    env.reset(2)
+    spec = env.episode.spec
     assert (spec.for_agent.target_category, spec.target_ids) == ("", ())
     while True:
-        turn = _called(one, "walk", x_cm=0, z_cm=30, yaw_deg=0)
-        touched = {one.episode.body.scene.by_id[c.object_id].category for c in one.episode.steps[-1].contacts} - {
+        turn = _called(env, "walk", x_cm=0, z_cm=30, yaw_deg=0)
+        touched = {env.episode.body.scene.by_id[c.object_id].category for c in env.episode.steps[-1].contacts} - {
             "floor"
         }
         if touched or turn.done:
             break
     noun = sorted(touched)[0]
-    assert _called(one, "stop", thoughts=f"reasoning: A {noun} touches me.").solved
+    assert _called(env, "stop", thoughts=f"reasoning: A {noun} touches me.").solved

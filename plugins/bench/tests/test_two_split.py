@@ -136,10 +136,10 @@ def test_who_follows_stays_within_two_metres_to_the_end(own, outcome, contacts, 
     assert verdict(together(FOLLOW, own, WAY, outcome, contacts=contacts)) == label
 
 
-def passing(at, **told):
+def passing(at, **fields):
     """A step that ends at a place (x, z), beside a thing of 10 cm at the origin."""
-    told = {"status": "executed", "target_pixels": {7: 900}, "end": (at[0], 0.9, at[1]), "heard": (WISH,)} | told
-    return StepRecord(step=0, attempts=(), targets={7: ((-0.05, 0.8, -0.05), (0.05, 0.9, 0.05))}, **told)
+    fields = {"status": "executed", "target_pixels": {7: 900}, "end": (at[0], 0.9, at[1]), "heard": (WISH,)} | fields
+    return StepRecord(step=0, attempts=(), targets={7: ((-0.05, 0.8, -0.05), (0.05, 0.9, 0.05))}, **fields)
 
 
 WISH, HELD, OPEN = Heard("Please bring me the cup.", (0.0, 0.0, 1.0)), {"held": {"left": 7}}, Call("release")
@@ -206,7 +206,7 @@ def test_who_asks_for_a_thing_says_where_it_is_when_spoken_to(tmp_path):
         with ending:
             for call in ({}, {"text": "Where?"}, {}, {}):
                 body.call("say" if call else "turn_in_place", **(call or {"yaw_deg": 0}))
-                heard.extend(told.text for told in body.last.feedback.heard)
+                heard.extend(speech.text for speech in body.last.feedback.heard)
 
     with Company(scene, [Pose2D(0.0, 0.0), partner.start], plugins=Plugins.discover(HANDS)) as company:
         company.play([asks, partial(accompany, spec, Folder(tmp_path), ending)])
@@ -220,8 +220,8 @@ def solved(folder, task, files=()):
     write_episodes(folder / "one.jsonl", [spec])
     run = folder / "run"
     asked = ["--split", str(folder / "one.jsonl"), "--out", str(run), *(f"--plugin={file}" for file in files)]
-    told = CliRunner().invoke(bench, ["run", "--agent", "oracle", *asked], catch_exceptions=False)
-    assert told.exit_code == 0, told.output
+    result = CliRunner().invoke(bench, ["run", "--agent", "oracle", *asked], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
     return run
 
 
@@ -243,9 +243,9 @@ def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, tas
     page = MagicMock()
     overview({run: [episode]}, page, Plugins.discover(files))
     (head, (row,)), *_ = [call.args[1:] for call in page.table.call_args_list if call.args[0] == "Tasks with a partner"]
-    told = dict(zip(head, row, strict=True))
-    (touched,) = [cell for name, cell in told.items() if name.startswith("touched")]
-    (solved_cell,) = [cell for name, cell in told.items() if name.startswith("solved")]
+    cells = dict(zip(head, row, strict=True))
+    (touched,) = [cell for name, cell in cells.items() if name.startswith("touched")]
+    (solved_cell,) = [cell for name, cell in cells.items() if name.startswith("solved")]
     assert "100.0%" in solved_cell
     assert any(map(str.isdigit, touched)) == (task != "give")
 
@@ -256,8 +256,8 @@ def test_a_partners_record_that_was_changed_is_named(tmp_path):
     (episode,) = load_run(run)
     partner = RecordedEpisode(episode.folder / "partner")
     first, *rest = partner.steps
-    told = [step.model_dump_json() for step in (first.model_copy(update={"yaw_end": first.yaw_end + 0.1}), *rest)]
-    (partner.folder / "steps.jsonl").write_text("\n".join(told) + "\n", "utf-8")
+    lines = [step.model_dump_json() for step in (first.model_copy(update={"yaw_end": first.yaw_end + 0.1}), *rest)]
+    (partner.folder / "steps.jsonl").write_text("\n".join(lines) + "\n", "utf-8")
     assert str(partner.folder) in verified(run)  # Its digest is another.
     close_record(partner.folder, partner.record)
     assert "partner: step 0: its yaw_end differs." in verified(run, "--replay")
@@ -269,6 +269,6 @@ def test_a_partners_record_that_was_changed_is_named(tmp_path):
 
 def verified(run, *options):
     """What verify says of a run that is not whole."""
-    told = CliRunner().invoke(bench, ["verify", str(run), *options], catch_exceptions=False)
-    assert told.exit_code == 1, told.output
-    return told.output
+    result = CliRunner().invoke(bench, ["verify", str(run), *options], catch_exceptions=False)
+    assert result.exit_code == 1, result.output
+    return result.output
