@@ -120,8 +120,8 @@ def test_a_contact_is_the_deepest_of_its_frame():
     depths: dict[str, list[float]] = {}
     for touch in chain.from_iterable(RecordingWorld.touches):
         depths.setdefault(JOINTS[touch.joint], []).append(-touch.distance)
-    assert {one.joint: one.depth for one in contacts} == {joint: max(found) for joint, found in depths.items()}
-    assert all(max(found) > min(found) for found in depths.values())
+    assert {contact.joint: contact.depth for contact in contacts} == {joint: max(own) for joint, own in depths.items()}
+    assert all(max(own) > min(own) for own in depths.values())
 
 
 def test_an_object_that_is_pushed_by_some_centimetres_has_a_path():

@@ -38,7 +38,7 @@ def made(
     return result, read_episodes(out) if out.exists() else ()
 
 
-def one(dataset: Path, folder: Path, *args: Any, **more: Any) -> EpisodeSpec:
+def read_one(dataset: Path, folder: Path, *args: Any, **more: Any) -> EpisodeSpec:
     result, specs = made(dataset, folder, episode(7, *args, **more))
     assert result.exit_code == 0, result.output
     (spec,) = specs
@@ -57,13 +57,13 @@ def one(dataset: Path, folder: Path, *args: Any, **more: Any) -> EpisodeSpec:
     ],
 )
 def test_the_body_looks_where_habitats_agent_looks(dataset: Path, tmp_path: Path, rotation: list, ahead: tuple) -> None:
-    yaw = one(dataset, tmp_path, "couch", [2, 0.1, 2], rotation).start.yaw
+    yaw = read_one(dataset, tmp_path, "couch", [2, 0.1, 2], rotation).start.yaw
     np.testing.assert_allclose((np.sin(yaw), np.cos(yaw)), ahead, atol=1e-3)
 
 
 @pytest.mark.integration
 def test_the_body_really_faces_that_way_in_the_scene(dataset: Path, tmp_path: Path) -> None:
-    start = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF]).start
+    start = read_one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF]).start
     with Body(f"hssd:{dataset}#toy1", Pose2D(start.x, start.z, start.yaw, start.floor)) as body:
         state, view = body.state(), body.view()
     np.testing.assert_allclose(state.body.root[-1][[0, 2]], (2, 2), atol=0.02)
@@ -72,7 +72,7 @@ def test_the_body_really_faces_that_way_in_the_scene(dataset: Path, tmp_path: Pa
 
 
 def test_the_start_is_on_the_floor_and_the_targets_are_the_goals(dataset: Path, tmp_path: Path) -> None:
-    spec = one(dataset, tmp_path, "couch", [2, 0.12, 2], BACK)
+    spec = read_one(dataset, tmp_path, "couch", [2, 0.12, 2], BACK)
     assert (spec.start.x, spec.start.z, spec.start.floor) == (2, 2, 0)
     assert (spec.target_category, spec.target_ids, spec.interact) == ("couch", (1,), True)
     assert spec.id == "toy1-couch-7"
@@ -80,18 +80,18 @@ def test_the_start_is_on_the_floor_and_the_targets_are_the_goals(dataset: Path, 
 
 
 def test_the_difficulty_is_that_of_the_way(dataset: Path, tmp_path: Path) -> None:
-    found = one(dataset, tmp_path, "couch", [2, 0.1, 3], BACK).difficulty
+    difficulty = read_one(dataset, tmp_path, "couch", [2, 0.1, 3], BACK).difficulty
     # From x = 2 straight through the doorway to 0.28 m or more before the couch's edge at x = 6.85; the grid is 5 cm.
-    assert found is not None
-    assert 4.3 < found.distance < 4.85 - 0.28 + 0.05
-    assert (found.turns, found.rooms) == (0, 2)
+    assert difficulty is not None
+    assert 4.3 < difficulty.distance < 4.85 - 0.28 + 0.05
+    assert (difficulty.turns, difficulty.rooms) == (0, 2)
 
 
 def test_the_reference_releases_offset_is_the_start(dataset: Path, tmp_path: Path) -> None:
     # start_position floats 0.7 m over the floor: too much to be accepted without init_offset.
-    spec = one(dataset, tmp_path, "tv", [6, 0.7, 1], BACK, init_offset=[-6, 1, 0.0])
+    spec = read_one(dataset, tmp_path, "tv", [6, 0.7, 1], BACK, init_offset=[-6, 1, 0.0])
     assert (spec.start.x, spec.start.z, spec.start.floor) == (6, 1, 0)
-    inner = one(dataset, tmp_path / "2", "tv", [6, 0.7, 1], BACK, info={"init_offset": [-6, 1, 0.0]})
+    inner = read_one(dataset, tmp_path / "2", "tv", [6, 0.7, 1], BACK, info={"init_offset": [-6, 1, 0.0]})
     assert (inner.start.x, inner.start.z, inner.start.floor) == (6, 1, 0)
 
 
@@ -115,10 +115,10 @@ def test_the_hint_decides_between_two_at_the_place(mine: Path, tmp_path: Path) -
     scene = json.loads(file.read_text())
     scene["object_instances"].append(scene["object_instances"][0])
     write(file, scene)
-    for number, (hint, found) in enumerate([(0, 1), (5, 6), (99, 1)]):
+    for number, (hint, target) in enumerate([(0, 1), (5, 6), (99, 1)]):
         goals = {"toy1_couch": [{"object_id": hint, "object_name": "couch1_:0000", "position": [7.3, 0.4, 3.0]}]}
         _, (spec,) = made(mine, tmp_path / f"{number}", episode(0, "couch", [2, 0, 2], BACK), goals=goals)
-        assert spec.target_ids == (found,)
+        assert spec.target_ids == (target,)
 
 
 def test_an_id_alone_is_not_believed_if_it_is_that_of_another_kind(dataset: Path, tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ def test_scenes_are_listed_and_checked(dataset: Path) -> None:
 
 @pytest.mark.integration
 def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path) -> None:
-    spec = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF])
+    spec = read_one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF])
     with Body(spec.scene, spec.start, seed=spec.seed) as body:
         record = run_episode(body, spec, OracleAgent(), folder=tmp_path / "episode")
     assert record.outcome == "stopped"

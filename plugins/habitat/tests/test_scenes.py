@@ -175,7 +175,7 @@ def test_the_floor_is_solid_below_and_the_walls_fill_their_width(scene: Scene) -
     (wall,) = [t for t in scene.objects if np.allclose(scene.aabb(t.id), ((3.95, 0, 0), (4.05, 2.7, 2.5)), atol=1e-3)]
     spans = [(*h.min(axis=0) + wall.position, *h.max(axis=0) + wall.position) for h in scene.assets[wall.asset].hulls]
     for span in [(3.95, 0, 0, 4, 2.7, 2.5), (4, 0, 0, 4.05, 2.7, 2.5), (3.95, 0, 2.45, 4.05, 2.7, 2.5)]:
-        assert any(np.allclose(span, found, atol=1e-3) for found in spans)
+        assert any(np.allclose(span, other, atol=1e-3) for other in spans)
 
 
 def test_a_building_collides_as_its_collision_model_does(mine: Path) -> None:
@@ -397,23 +397,23 @@ def fridge(folder: Path, *changes: tuple[str, str], lower: str = "0", **placing:
 
 def parts(scene: Scene) -> dict[str, SceneObject]:
     """The fixed part of the fridge, its door and its drawer."""
-    found = [obj for obj in scene.objects if obj.category == "fridge"]
-    return {obj.asset.partition(" ")[2]: obj for obj in found}
+    objects = [obj for obj in scene.objects if obj.category == "fridge"]
+    return {obj.asset.partition(" ")[2]: obj for obj in objects}
 
 
 def test_an_articulated_object_keeps_its_hinges_and_slides(mine: Path, scene: Scene) -> None:
     fridge(mine)
-    found = load(mine)
-    body, door, drawer = (parts(found)[name] for name in ("", "door", "drawer"))
+    loaded = load(mine)
+    body, door, drawer = (parts(loaded)[name] for name in ("", "door", "drawer"))
     # The door's front is at z = -0.325 - 0.025, the drawer's end at -0.3 - 0.2; the root link is at the translation.
-    np.testing.assert_allclose(found.aabb(body.id), ((1.7, 0, 4.7), (2.3, 1.8, 5.3)), atol=2e-3)
-    np.testing.assert_allclose(found.aabb(door.id)[0], (1.7, 0.4, 4.65), atol=2e-3)
+    np.testing.assert_allclose(loaded.aabb(body.id), ((1.7, 0, 4.7), (2.3, 1.8, 5.3)), atol=2e-3)
+    np.testing.assert_allclose(loaded.aabb(door.id)[0], (1.7, 0.4, 4.65), atol=2e-3)
     assert (body.id, body.movable, door.movable, drawer.movable) == (6, False, True, True)
-    assert len(found.objects) == len(scene.objects) + 3
+    assert len(loaded.objects) == len(scene.objects) + 3
     # A quarter turn to the left about y brings the door, to +X of its hinge, to -Z of it: 0.6 m before z = 5 - 0.325.
-    np.testing.assert_allclose(found.aabb(door.id, door.at(np.pi / 2))[0], (1.675, 0.4, 4.075), atol=2e-3)
-    np.testing.assert_allclose(found.aabb(drawer.id, drawer.at(0.4))[0][2], 4.1, atol=2e-3)
-    assert json.loads(found.notes["ignored"]) == []
+    np.testing.assert_allclose(loaded.aabb(door.id, door.at(np.pi / 2))[0], (1.675, 0.4, 4.075), atol=2e-3)
+    np.testing.assert_allclose(loaded.aabb(drawer.id, drawer.at(0.4))[0][2], 4.1, atol=2e-3)
+    assert json.loads(loaded.notes["ignored"]) == []
 
 
 def test_each_link_collides_as_its_own_convex_pieces(mine: Path) -> None:
@@ -426,15 +426,15 @@ def test_each_link_collides_as_its_own_convex_pieces(mine: Path) -> None:
 @pytest.mark.parametrize("pose", [[1.0, 0.3], {"hinge": 1.0, "drawer": 0.3}])
 def test_a_scene_says_how_far_its_joints_are_open(mine: Path, pose: object) -> None:
     fridge(mine, initial_joint_pose=pose)
-    found = parts(load(mine))
-    assert (found["door"].state, found["drawer"].state) == (1.0, 0.3)
+    links = parts(load(mine))
+    assert (links["door"].state, links["drawer"].state) == (1.0, 0.3)
 
 
 def test_a_joint_on_another_stands_still(mine: Path) -> None:
     fridge(mine, ('<parent link="body"/><child link="drawer"/>', '<parent link="door"/><child link="drawer"/>'))
-    found = load(mine)
-    assert set(parts(found)) == {"", "door"}
-    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
+    loaded = load(mine)
+    assert set(parts(loaded)) == {"", "door"}
+    assert json.loads(loaded.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
 
 
 def test_commas_between_numbers_are_blanks(mine: Path) -> None:
@@ -484,18 +484,18 @@ def test_a_slide_may_be_longer_than_a_turn(mine: Path) -> None:
 
 def test_a_link_without_a_surface_is_left_out(mine: Path) -> None:
     fridge(mine, ('scale="2 1 1"', 'scale="0 0 0"'))
-    found = load(mine)
-    assert set(parts(found)) == {"", "drawer"}
-    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
+    loaded = load(mine)
+    assert set(parts(loaded)) == {"", "drawer"}
+    assert json.loads(loaded.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
 
 
 def test_an_articulated_object_is_turned_and_scaled_about_its_root(mine: Path) -> None:
     fridge(mine, rotation=[HALF, 0, HALF, 0], uniform_scale=0.5)
-    found = load(mine)
-    drawer = parts(found)["drawer"]
+    loaded = load(mine)
+    drawer = parts(loaded)["drawer"]
     # The side at -Z is now at -X, and all distances are halved, the way of the drawer too.
-    np.testing.assert_allclose(found.aabb(6), ((1.85, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
-    np.testing.assert_allclose(found.aabb(drawer.id, drawer.at(0.2))[0][0], 1.55, atol=2e-3)
+    np.testing.assert_allclose(loaded.aabb(6), ((1.85, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
+    np.testing.assert_allclose(loaded.aabb(drawer.id, drawer.at(0.2))[0][0], 1.55, atol=2e-3)
     assert drawer.joint is not None
     assert drawer.joint.high == pytest.approx(0.2)
 

@@ -60,7 +60,7 @@ def test_doors_and_drawers_overlap_nothing_on_their_way(maker: str) -> None:
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_doors_drawers_and_lids_stay_where_they_are(engine: str, share: float, name: str, plugins: Plugins) -> None:
     """Closed, half open and open: springs hold the lids of ovens and dishwashers."""
-    if engine not in {one.name for one in plugins.registered("simulators")}:
+    if engine not in {offer.name for offer in plugins.registered("simulators")}:
         pytest.skip(f"{engine} is not installed")
     scene = room(name)
     wide = {leaf.id: max(leaf.joint.low, leaf.joint.high, key=abs) for leaf in leaves(scene) if leaf.joint}

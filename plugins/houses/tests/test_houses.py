@@ -142,9 +142,9 @@ def test_a_house_has_40_to_400_objects_and_a_fifth_can_be_moved(name: str) -> No
 @pytest.mark.integration
 def test_houses_have_30_small_things_that_stand_still() -> None:
     still = {name: [o for o in scene(name).objects if o.category in THINGS and not o.movable] for name in SAMPLE}
-    assert min(len(found) for found in still.values()) >= 15
-    assert sum(len(found) for found in still.values()) >= 30 * len(SAMPLE)
-    assert not any(scene(name).assets[o.asset].hulls for name, found in still.items() for o in found)
+    assert min(len(objects) for objects in still.values()) >= 15
+    assert sum(len(objects) for objects in still.values()) >= 30 * len(SAMPLE)
+    assert not any(scene(name).assets[o.asset].hulls for name, objects in still.items() for o in objects)
 
 
 def test_small_things_stand_on_furniture_or_on_the_floor() -> None:
@@ -193,7 +193,7 @@ def test_meshes_are_whole_and_small_enough_to_draw(name: str) -> None:
 # -- walls and doors ---------------------------------------------------------------------------------------------------
 def doorways(scene: Scene) -> list[tuple[str, float, float]]:
     """(wall, width, height) of each hole in the walls' collision boxes that begins at the floor and is not filled."""
-    found = []
+    openings = []
     doors = [scene.aabb(obj.id) for obj in scene.of_category("door")]
     for wall in scene.of_category("wall"):
         parts = boxes(scene, wall)
@@ -210,8 +210,8 @@ def doorways(scene: Scene) -> list[tuple[str, float, float]]:
                 for a, b in doors
             )
             if not under and not closed:
-                found.append((wall.asset, float(top[axis] - low[axis]), float(low[1] - floor)))
-    return found
+                openings.append((wall.asset, float(top[axis] - low[axis]), float(low[1] - floor)))
+    return openings
 
 
 def joints(scene: Scene) -> int:

@@ -74,11 +74,11 @@ def test_a_wall_behind_a_bed_does_not_show_the_dark_of_the_next_room():
 
 def test_the_sky_in_a_window_is_far_away(room, camera):
     pane = room.box((3.0, 2.0, 0.04), (0, 0.3, -2.95), category="window")
-    one, two = (room.look(camera((x, 1.3, 1.0), (0, 0, -1), 256)) for x in (-0.3, 0.3))
-    both = (one.ids == pane) & (two.ids == pane)
+    left, right = (room.look(camera((x, 1.3, 1.0), (0, 0, -1), 256)) for x in (-0.3, 0.3))
+    both = (left.ids == pane) & (right.ids == pane)
     assert both.mean() > 0.05
-    assert np.median(np.abs(one.rgb[both].astype(int) - two.rgb[both])) <= 1  # Edges are mixed with the frame.
-    assert one.rgb[both].std() > 10  # It is a view, not one colour.
+    assert np.median(np.abs(left.rgb[both].astype(int) - right.rgb[both])) <= 1  # Edges are mixed with the frame.
+    assert left.rgb[both].std() > 10  # It is a view, not one colour.
 
 
 def test_a_window_takes_no_light_from_its_frame(room, camera):

@@ -42,7 +42,7 @@ def cluster(monkeypatch):
 def play(tmp_path):
     def run(specs, executor, name, watch=lambda *_: None, in_process=False, **options):
         plugins = Plugins.discover([Path(toy_world.FILE)])
-        if "ray" not in {one.name for one in plugins.registered("executors")}:
+        if "ray" not in {offer.name for offer in plugins.registered("executors")}:
             plugins.add(humanclaw_ray, "ray")
         job = Job("walker", options, backends=TOY, files=(toy_world.FILE,), in_process=in_process)
         player = plugins.make("executors", executor, 2)
@@ -60,18 +60,18 @@ def digests(folder):
 
 
 def test_a_node_that_is_killed_half_way_loses_and_doubles_nothing(cluster, play, tmp_path):
-    specs, told = toy_world.specs(8), []
+    specs, ids = toy_world.specs(8), []
 
     def watch(status, report):
         if report:
-            told.append(report.episode)
-        if len(told) == 3 and len(cluster.nodes) == 2:
+            ids.append(report.episode)
+        if len(ids) == 3 and len(cluster.nodes) == 2:
             cluster.remove_node(cluster.nodes.pop(), allow_graceful=False)
 
     status = play(specs, "ray", "ray", watch, pause=0.3)
     assert len(cluster.nodes) == 1
     assert (status.done, status.failed) == (8, 0)
-    assert sorted(told) == sorted(spec.id for spec in specs)
+    assert sorted(ids) == sorted(spec.id for spec in specs)
     play(specs, "local", "local", pause=0.3)
     assert digests(tmp_path / "ray") == digests(tmp_path / "local")
 
@@ -90,7 +90,7 @@ def test_an_actor_stays_in_the_house_that_it_has_built(cluster, play):
         time.sleep(0.1)
     assert not folders() - before, "actors leave no folder behind"
     # One change at most after the three episodes of the forecast, and one when a house has no episode left.
-    assert all(sum(a != b for a, b in pairwise(one[2:])) <= 2 for one in visits.values())
+    assert all(sum(a != b for a, b in pairwise(houses[2:])) <= 2 for houses in visits.values())
 
 
 def test_an_episode_that_kills_every_actor_is_marked(cluster, play):
@@ -115,11 +115,11 @@ def test_whatever_takes_an_actor_its_episode_has_three_tries(cluster, play, monk
 
 
 def test_a_stop_breaks_episodes_off_and_their_records_come_home(cluster, play, tmp_path):
-    specs, told = toy_world.specs(4), []
+    specs, reports = toy_world.specs(4), []
 
     def watch(status, report):
-        told.append(report)
-        if len(told) == 2:
+        reports.append(report)
+        if len(reports) == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

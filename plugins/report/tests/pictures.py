@@ -45,11 +45,11 @@ def make(run: Path, other: Path, out: Path) -> None:
             for suffix, (viewport, scheme) in SIZES.items():
                 picture = _seen(browser, page, viewport, scheme, step=len(episode.steps) // 2)
                 picture.save(out / f"{name}-{suffix}.jpg", quality=82)
-        for one in (found for found in episodes if found.record.spec.target_category in SHOWN):
-            page, last = one.folder / "page.html", len(one.steps) - 1
+        for recorded in (item for item in episodes if item.record.spec.target_category in SHOWN):
+            page, last = recorded.folder / "page.html", len(recorded.steps) - 1
             picture = _seen(browser, page, {"width": 1000, "height": 1200}, "light", last, part="#stage")
             picture.thumbnail((480, 480))
-            picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
+            picture.save(out / f"replay-{recorded.record.spec.target_category}.jpg", quality=82)
         for name, picture in {"human": _person(browser), "leaderboard": _board(browser, run, other)}.items():
             picture.save(out / f"{name}-1400.jpg", quality=82)
     pair.unlink()
@@ -108,7 +108,7 @@ def _difference(path: Path, other: Path) -> float:
     """Return the mean difference of two pictures, of 255, once they are so small that words are grey lines."""
     if not other.exists():
         return 255.0
-    small = [np.asarray(Image.open(one).convert("RGB").resize((32, 24)), float) for one in (path, other)]
+    small = [np.asarray(Image.open(file).convert("RGB").resize((32, 24)), float) for file in (path, other)]
     return float(np.abs(small[0] - small[1]).mean())
 
 
@@ -129,5 +129,5 @@ if __name__ == "__main__":
     run, other, out, *checked = map(Path, sys.argv[1:])
     out.mkdir(exist_ok=True)
     make(run, other, out)
-    if found := [name for kept in checked for name in differing(out, kept)]:
-        sys.exit(f"These pictures no longer look like the pages: {', '.join(found)}. Run `make pictures`.")
+    if names := [name for kept in checked for name in differing(out, kept)]:
+        sys.exit(f"These pictures no longer look like the pages: {', '.join(names)}. Run `make pictures`.")

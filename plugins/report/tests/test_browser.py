@@ -212,12 +212,12 @@ def test_a_page_fits_and_has_no_serious_barrier(
 
 def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp_path: Path) -> None:
     record_episode(tmp_path / "one")
-    one = RecordedEpisode(tmp_path / "one")
-    episodes = [_renamed(one, f"house-{k // 30}-couch-{k}") for k in range(1218)]
+    episode = RecordedEpisode(tmp_path / "one")
+    episodes = [_renamed(episode, f"house-{k // 30}-couch-{k}") for k in range(1218)]
     html = run_page({tmp_path: episodes}, Collected(), tmp_path / "report.html", lambda e: e.folder / "page.html", {})
     (tmp_path / "report.html").write_text(html, "utf-8")
     tab, errors = opened(browser, tmp_path / "report.html", measured=True)
-    spent = {one["name"]: one["value"] for one in tab.measuring.send("Performance.getMetrics")["metrics"]}
+    spent = {metric["name"]: metric["value"] for metric in tab.measuring.send("Performance.getMetrics")["metrics"]}
     assert 0 < spent["TaskDuration"] < 2, "seconds of processor time: a machine that others keep busy has no wall clock"
     listed = tab.locator("#list > li")
     assert tab.locator("#count").inner_text() == "1218 of 1218 episodes"

@@ -137,8 +137,8 @@ def test_a_gif_lasts_as_long_as_what_it_shows(tmp_path: Path) -> None:
     """Three seconds of 15 pictures a second; a picture lasts 6 or 7 hundredths, since there are no others."""
     rng = np.random.default_rng(0)
     gif(list(rng.integers(0, 256, (45, 16, 16, 3), np.uint8)), tmp_path / "a.gif", 15.0)
-    with Image.open(tmp_path / "a.gif") as found:
-        times = [(found.seek(number), found.info["duration"])[1] for number in range(found.n_frames)]
+    with Image.open(tmp_path / "a.gif") as film:
+        times = [(film.seek(number), film.info["duration"])[1] for number in range(film.n_frames)]
     assert (len(times), sum(times), set(times)) == (45, 3000, {60, 70})
 
 
@@ -178,7 +178,7 @@ def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
     placed = (scene_object(90, wall, 4, 3), scene_object(91, frame, 4, 3.08, y=1.4), scene_object(92, crate, 4, 3.2),
               scene_object(93, frame, 4, 4.5, y=1.4))  # fmt: skip
     scene = two_rooms()
-    assets = scene.assets | {one.name: one for one in (wall, frame, crate)}
+    assets = scene.assets | {asset.name: asset for asset in (wall, frame, crate)}
     assert hung_on(replace(scene, assets=assets, objects=(*scene.objects, *placed)), 90) == {91}
 
 
@@ -208,7 +208,7 @@ def test_a_gif_that_would_fill_memory_is_refused(made: tuple[RecordedEpisode, Sc
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         (["--height", "16000"], "16000 is not in the range"),
         (["--every", "0"], "0 is not in the range"),
@@ -217,11 +217,11 @@ def test_a_gif_that_would_fill_memory_is_refused(made: tuple[RecordedEpisode, Sc
     ],
 )
 def test_a_wrong_option_of_film_is_told_in_a_sentence(
-    made: tuple[RecordedEpisode, Scene], options: list[str], told: str
+    made: tuple[RecordedEpisode, Scene], options: list[str], message: str
 ) -> None:
     done = CliRunner().invoke(build(Plugins.discover), ["film", str(made[0].folder), *options])
     assert done.exit_code == 2
-    assert told in " ".join(done.output.split())
+    assert message in " ".join(done.output.split())
 
 
 def test_the_moving_picture_of_the_readme_is_small_enough_to_load() -> None:

@@ -267,12 +267,12 @@ def test_all_parts_of_the_body_that_touch_an_object_are_named(made: tuple[Path, 
 def test_contacts_and_events_stand_on_the_time_line(made: tuple[Path, Scene]) -> None:
     episode = RecordedEpisode(made[0] / "one")
     frames, steps = HISTORY + 15 * len(episode.steps), range(18, len(episode.steps))
-    found = marks(episode, named(made[1]))
-    sat = [mark.at for mark in found if mark.kind == "target"]
+    line = marks(episode, named(made[1]))
+    sat = [mark.at for mark in line if mark.kind == "target"]
     assert sat == pytest.approx([100 * (HISTORY + 15 * step + 14) / frames for step in steps])
-    (refused,) = (mark for mark in found if mark.kind == "refused")
+    (refused,) = (mark for mark in line if mark.kind == "refused")
     assert (refused.words, refused.at) == ("step 3: the verifier replaced the call", 100 * (HISTORY + 45) / frames)
-    assert [mark.words.partition(": ")[2] for mark in found if mark.kind == "event"] == [
+    assert [mark.words.partition(": ")[2] for mark in line if mark.kind == "event"] == [
         "target first in view",
         "hips on the target",
     ]
@@ -308,9 +308,9 @@ def test_few_houses_are_in_memory(tmp_path: Path) -> None:
         episode.record = episode.record.model_copy(update={"spec": spec})
         return houses.of(episode)
 
-    found = [drawn(number) for number in range(KEPT + 1)]
-    assert drawn(KEPT) is found[KEPT]
-    assert drawn(0) is not found[0]
+    drawings = [drawn(number) for number in range(KEPT + 1)]
+    assert drawn(KEPT) is drawings[KEPT]
+    assert drawn(0) is not drawings[0]
 
 
 def test_a_film_beside_the_record_is_part_of_the_page(tmp_path: Path) -> None:
@@ -382,10 +382,10 @@ def test_a_folder_without_records_is_an_error(tmp_path: Path) -> None:
 def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> None:
     scene = record_episode(tmp_path / "couch-0")
     record_episode(tmp_path / "couch-1", name="couch-1")
-    told: list[str] = []
+    lines: list[str] = []
     plugins = SimpleNamespace(scene=lambda name: scene, tell=lambda hook, **event: None)
-    humanclaw_report.humanclaw_run_end(tmp_path, load_run(tmp_path), plugins, told.append)
-    assert told == [f"report: {tmp_path / 'report.html'}"]
+    humanclaw_report.humanclaw_run_end(tmp_path, load_run(tmp_path), plugins, lines.append)
+    assert lines == [f"report: {tmp_path / 'report.html'}"]
     links = [link["href"] for link in Page((tmp_path / "report.html").read_text("utf-8")).all("a")]
     assert {"couch-0/page.html", "couch-1/page.html"} <= set(links)
     page = Page((tmp_path / "couch-1" / "page.html").read_text("utf-8"))

@@ -145,6 +145,6 @@ def test_the_view_is_the_one_that_is_decided_on_now(run: tuple[Path, Watcher]) -
 
 
 def test_of_a_run_that_is_one_episode_the_view_is_found_too(run: tuple[Path, Watcher]) -> None:
-    one = Watcher(run[0] / "couch-0", run[1].scenes)
-    (row,) = one.state()["rows"]
-    assert one.frame(*row["frame"].split("/")[2:]) == picture(row["steps"] - 1)
+    watcher = Watcher(run[0] / "couch-0", run[1].scenes)
+    (row,) = watcher.state()["rows"]
+    assert watcher.frame(*row["frame"].split("/")[2:]) == picture(row["steps"] - 1)

@@ -39,8 +39,8 @@ class Recording:
     def read(self, path: str, component: str) -> tuple[np.ndarray, list]:
         """Return times (NaN for static values) and the values logged at them, in order of time."""
         times, values = [], []
-        for found, batch in self.batches:
-            if found == path and component in batch.schema.names:
+        for entity, batch in self.batches:
+            if entity == path and component in batch.schema.names:
                 rows = batch.column(component).to_pylist()
                 timed = "time" in batch.schema.names
                 ticks = batch.column("time").cast("int64").to_numpy() / 1e9 if timed else np.full(len(rows), np.nan)
@@ -98,8 +98,8 @@ def test_the_distance_of_each_step_is_at_the_end_of_the_step(recorded, recording
 
 def test_every_call_is_told_as_it_begins_with_the_words_before_it(recorded, recording):
     times, lines = recording.read("/calls", "TextLog:text")
-    told = dict.fromkeys(times.round(6))
-    assert len(told) == len(recorded.steps)
+    moments = dict.fromkeys(times.round(6))
+    assert len(moments) == len(recorded.steps)
     text = [line for (line,) in lines]
     for step in recorded.steps:
         assert str(step.call) in text
@@ -173,8 +173,8 @@ def invoke(*args):
 
 
 def test_the_command_writes_an_episode_and_of_a_run_each(recorded, tmp_path):
-    one = invoke("rerun", recorded.folder, "--out", tmp_path / "one.rrd")
-    assert one.output.splitlines()[-1] == str(tmp_path / "one.rrd")
+    result = invoke("rerun", recorded.folder, "--out", tmp_path / "one.rrd")
+    assert result.output.splitlines()[-1] == str(tmp_path / "one.rrd")
     for name in ("a", "b"):
         record_episode(tmp_path / "run" / name, name=name)
     refused = invoke("rerun", tmp_path / "run", "--out", tmp_path / "both.rrd")

@@ -56,14 +56,14 @@ def test_from_an_amass_tree_to_an_adapter(build, tree, tmp_path, capsys):
 
 def test_windows_of_unlabelled_clips_show_what_their_geometry_says(build, tree, tmp_path):
     assert build(tree, tmp_path, "--seconds", "0", "--hold-out", "STUDIO/02/*") == 0
-    found = {name: Chunks.load(tmp_path / f"{name}.npz") for name in ("walk", "turn_in_place", "side_step", "base")}
-    assert set(found["base"].source) == {
+    chunks = {name: Chunks.load(tmp_path / f"{name}.npz") for name in ("walk", "turn_in_place", "side_step", "base")}
+    assert set(chunks["base"].source) == {
         f"STUDIO: STUDIO/0{who}/{what}_poses" for who in "01" for what in ("walk", "stroll")
     }
     # The synthesised subjects walk 55 cm a half second straight ahead, turn by 0.9 and step 30 cm to the left.
-    assert np.median(found["walk"].params[:, 1]) == pytest.approx(0.55, abs=0.1)
-    assert found["turn_in_place"].params.max() == pytest.approx(0.9, abs=0.1)
-    assert found["side_step"].params.max() == pytest.approx(0.3, abs=0.05)
+    assert np.median(chunks["walk"].params[:, 1]) == pytest.approx(0.55, abs=0.1)
+    assert chunks["turn_in_place"].params.max() == pytest.approx(0.9, abs=0.1)
+    assert chunks["side_step"].params.max() == pytest.approx(0.3, abs=0.05)
     assert not (tmp_path / "climb_upstairs.npz").exists()
 
 
@@ -165,9 +165,9 @@ def test_without_a_straight_walk_there_is_no_synthetic_motion(build, tmp_path, c
 def test_clips_of_which_none_is_plausible_are_refused_with_the_report(build, tmp_path, capsys):
     write_clip(_in(tmp_path / "in" / "short.npz"), rest_pose(10))
     assert build(tmp_path / "in", tmp_path / "out") == 2
-    told = capsys.readouterr().err
-    assert "No clip of" in told
-    assert "shorter than 0.67 s" in told
+    report = capsys.readouterr().err
+    assert "No clip of" in report
+    assert "shorter than 0.67 s" in report
     assert not (tmp_path / "out").exists()
 
 
@@ -220,6 +220,6 @@ def test_what_files_do_not_say_is_an_option(build, tmp_path, capsys):
     assert seconds[2] == seconds[0]
     assert build(tmp_path / "S", tmp_path / "x", "--joint", "head") == 2
     assert build(tmp_path / "S", tmp_path / "x", "--joint", "kopf=head") == 2
-    told = capsys.readouterr().err
-    assert "expected OURS=THEIRS; got head" in told
-    assert "got kopf=head. Ours are pelvis" in " ".join(told.split())
+    report = capsys.readouterr().err
+    assert "expected OURS=THEIRS; got head" in report
+    assert "got kopf=head. Ours are pelvis" in " ".join(report.split())

@@ -24,8 +24,8 @@ def weights(tmp_path):
     base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, data, licences))
     path = tmp_path / "sit_in_place" / "adapter.safetensors"
     config = AdapterConfig("sit_in_place", "mlp", ("h",), (0.5,), (0.3,))
-    told = Card(RECIPE, {**data, "params_low": [0.19], "params_high": [0.81]}, licences)
-    write_adapter(path, base, config, card=told)
+    about = Card(RECIPE, {**data, "params_low": [0.19], "params_high": [0.81]}, licences)
+    write_adapter(path, base, config, card=about)
     return tmp_path
 
 
@@ -44,8 +44,8 @@ def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
     base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, {}, ()))
     path = tmp_path / "stroll" / "adapter.safetensors"
     data = {"chunks": 40, "real": 40, "sources": {"My own walks": 40}}
-    told = Card(RECIPE, {**data, "params_low": [0.1], "params_high": [0.5]}, ("My own walks: CC0",))
-    write_adapter(path, base, AdapterConfig("stroll", "mlp", ("ahead",), (0.3,), (0.2,)), card=told)
+    about = Card(RECIPE, {**data, "params_low": [0.1], "params_high": [0.5]}, ("My own walks: CC0",))
+    write_adapter(path, base, AdapterConfig("stroll", "mlp", ("ahead",), (0.3,), (0.2,)), card=about)
     (path.parent / "card.toml").write_text('limits = ["It never hurries."]')
     text = card(path)
     assert "40 real chunks (100 %)" in text

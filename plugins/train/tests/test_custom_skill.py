@@ -110,9 +110,9 @@ def test_bounds_that_no_clip_reaches_are_reported_before_training(make, skill, t
     record(tmp_path / "clips", squat(depth=0.8))
     np.savez(tmp_path / "clips" / "prices.npz", prices=np.ones(3))
     make(skill, tmp_path / "clips", "--seconds", "0")
-    told = capsys.readouterr().err
-    assert "warning: h_cm may be 60 to 85, and the chunks show 7" in told
-    assert "prices.npz is no AMASS motion" in told
+    report = capsys.readouterr().err
+    assert "warning: h_cm may be 60 to 85, and the chunks show 7" in report
+    assert "prices.npz is no AMASS motion" in report
 
 
 def test_a_posture_is_taken_from_any_height_to_any_other(make, skill, tmp_path):

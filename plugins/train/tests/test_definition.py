@@ -107,10 +107,10 @@ def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float
     state = base.normaliser.forward(torch.from_numpy(encode(history)).float())[None]
 
     def field(index: int, noisy: torch.Tensor) -> torch.Tensor:
-        one = slice(index, index + 1)
-        residual = None if branch is None else adapter.residual(condition, branch[:, :, one])
-        output = base.model(state, noisy, Modulations(own.blocks[:, :, one], own.final[:, one]), residual)
-        return velocity(base.model.config.prediction, output, noisy, times[one])
+        part = slice(index, index + 1)
+        residual = None if branch is None else adapter.residual(condition, branch[:, :, part])
+        output = base.model(state, noisy, Modulations(own.blocks[:, :, part], own.final[:, part]), residual)
+        return velocity(base.model.config.prediction, output, noisy, times[part])
 
     future = solver.solve(field, torch.from_numpy(noise_of([(key,)])))
     return decode(base.normaliser.inverse(future)[0].numpy())

@@ -19,7 +19,7 @@ def _motions(count: int = 3) -> tuple[np.ndarray, np.ndarray]:
 def test_states_of_a_batch_are_those_that_numpy_computes_one_by_one():
     root, rotations = _motions()
     states = kinematics.encode(torch.from_numpy(root).float(), torch.from_numpy(rotations).float())
-    expected = [encode(Motion(*one)) for one in zip(root, rotations, strict=True)]
+    expected = [encode(Motion(*pair)) for pair in zip(root, rotations, strict=True)]
     np.testing.assert_allclose(states.numpy(), expected, atol=1e-5)
 
 
@@ -36,8 +36,8 @@ def test_the_blocks_of_a_state_lie_where_decode_and_the_joints_say():
 def test_the_lowest_sole_is_found():
     root, rotations = _motions()
     joints = kinematics.joints(torch.from_numpy(root), torch.from_numpy(rotations).double())
-    found = kinematics.support_height(joints)
-    np.testing.assert_allclose(found.numpy(), support_height(joints.numpy()), atol=1e-6)
+    height = kinematics.support_height(joints)
+    np.testing.assert_allclose(height.numpy(), support_height(joints.numpy()), atol=1e-6)
 
 
 def test_the_gradient_at_no_rotation_is_finite():

@@ -81,10 +81,10 @@ def test_real_motion_has_features_of_mean_zero_and_deviation_one():
     rest = rest_pose(20)
     root = rest.root + random.normal(0, 0.1, (100, 20, 3))
     rotations = rest.rotations + random.normal(0, 0.1, (100, 20, 24, 3))
-    found = Features.of(root, rotations)(root, rotations)
-    assert found.shape == (100, 16)
-    assert found.mean(0) == pytest.approx(0, abs=1e-9)
-    assert found.std(0) == pytest.approx(1, abs=1e-9)
+    values = Features.of(root, rotations)(root, rotations)
+    assert values.shape == (100, 16)
+    assert values.mean(0) == pytest.approx(0, abs=1e-9)
+    assert values.std(0) == pytest.approx(1, abs=1e-9)
 
 
 def test_the_gait_of_a_walk_is_what_its_joints_do():

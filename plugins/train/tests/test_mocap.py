@@ -161,8 +161,8 @@ def test_an_asf_may_be_written_otherwise(tmp_path, skeleton, motion, joint, inch
         for old, new in changes.items():
             text = text.replace(old, new)
         written(tmp_path, name, text)
-    found = load(tmp_path / "07_01.amc").positions[1, joint]
-    np.testing.assert_allclose(found, np.array(inches) * 0.0254 / 0.5, atol=1e-9)
+    position = load(tmp_path / "07_01.amc").positions[1, joint]
+    np.testing.assert_allclose(position, np.array(inches) * 0.0254 / 0.5, atol=1e-9)
 
 
 def test_the_skeleton_of_another_subject_is_not_taken(tmp_path):

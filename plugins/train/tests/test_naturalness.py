@@ -35,7 +35,7 @@ def still(tmp_path_factory, still_base):
     folder = tmp_path_factory.mktemp("still")
     base = still_base(folder / "base.safetensors")
     for skill in SKILLS:
-        names = tuple(one.name for one in declaration(skill).parameters)
+        names = tuple(parameter.name for parameter in declaration(skill).parameters)
         width = len(names)
         config = AdapterConfig(skill, "mlp", names, (0.0,) * width, (0.2,) * width)
         write_adapter(folder / skill / "adapter.safetensors", base, config, scale=0.0)
@@ -50,8 +50,8 @@ def generator(still):
 
 @pytest.fixture(scope="module")
 def commands(still):
-    found = adapters([still])
-    return [Command.of(skill, found[skill]) for skill in SKILLS]
+    paths = adapters([still])
+    return [Command.of(skill, paths[skill]) for skill in SKILLS]
 
 
 def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
@@ -88,7 +88,7 @@ def test_windows_of_the_model_begin_at_any_frame(commands):
     root, rotations = canonical(*stacked(windows))
     data = Chunks.of(declaration("walk").parameters, root, rotations, "people", real=True)
     model = SimpleNamespace(
-        start=lambda: rest, generate_batch=lambda found, *_: [_rocking(one, 1, random)[HISTORY:] for one in found]
+        start=lambda: rest, generate_batch=lambda starts, *_: [_rocking(start, 1, random)[HISTORY:] for start in starts]
     )
     features = Features.of(root, rotations)
     halves = frechet(features(root[::2], rotations[::2]), features(root[1::2], rotations[1::2]))
@@ -171,10 +171,10 @@ def test_a_body_that_slides_over_two_centimetres_glides():
 
 
 def test_what_a_skill_commands_is_not_counted_as_uncommanded(generator, commands):
-    found = uncommanded(generator, commands, commands[0], bodies=2)
-    assert set(found["walk"]) == set()
-    assert set(found["step_back"]) == {"hips.left", "heading.left"}
-    assert found["turn_in_place"]["hips.forward"] == pytest.approx((0, 0), abs=1e-3)
+    drifts = uncommanded(generator, commands, commands[0], bodies=2)
+    assert set(drifts["walk"]) == set()
+    assert set(drifts["step_back"]) == {"hips.left", "heading.left"}
+    assert drifts["turn_in_place"]["hips.forward"] == pytest.approx((0, 0), abs=1e-3)
 
 
 @pytest.mark.parametrize("stairs", [False, True])

@@ -67,8 +67,8 @@ def test_the_history_is_the_models_and_the_future_returns_from_it():
 
 def test_errors_add_up_over_the_chunks_of_a_rollout():
     chunks = gliding(8)
-    found = {round(float(met(chunks, 3, seed)[1][7, 4, 15, 0]), 2) for seed in range(30)}
-    assert found == {0.0, 0.1, 0.2, 0.3}
+    errors = {round(float(met(chunks, 3, seed)[1][7, 4, 15, 0]), 2) for seed in range(30)}
+    assert errors == {0.0, 0.1, 0.2, 0.3}
 
 
 def test_an_adapter_trains_on_rollouts_and_its_header_says_so(tmp_path):

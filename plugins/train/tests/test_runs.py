@@ -190,8 +190,8 @@ def test_two_processes_train_and_resume_as_one_does(chunks, tmp_path):
     assert (tmp_path / "cut.safetensors").read_bytes() == (tmp_path / "whole.safetensors").read_bytes()
 
     alone = _base(chunks, tmp_path / "alone", "--precision", "float32", "--batch", "8").parent / "state.pt"
-    one, two = (torch.load(path)["module"] for path in (alone, tmp_path / "whole" / "state.pt"))
-    assert all(torch.allclose(one[name], two[name], atol=1e-5) for name in one)
+    single, double = (torch.load(path)["module"] for path in (alone, tmp_path / "whole" / "state.pt"))
+    assert all(torch.allclose(single[name], double[name], atol=1e-5) for name in single)
 
 
 def test_a_batch_that_cannot_be_shared_evenly_is_refused():
@@ -201,7 +201,7 @@ def test_a_batch_that_cannot_be_shared_evenly_is_refused():
 
 
 def test_the_precision_of_a_run_is_chosen_and_told(chunks, tmp_path, capsys):
-    half, single = (_base(chunks, tmp_path / one, "--precision", one) for one in ("bf16", "float32"))
+    half, single = (_base(chunks, tmp_path / precision, "--precision", precision) for precision in ("bf16", "float32"))
     assert read_header(half)["card"]["recipe"]["precision"] == "bf16"
     assert half.read_bytes() != single.read_bytes()
     assert "bf16 on cpu" in capsys.readouterr().out
@@ -232,9 +232,9 @@ def test_tensorboard_gets_the_losses_of_a_run(chunks, tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     _base(chunks, tmp_path, "--logger", "tensorboard")
-    found = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
-    assert {"loss", "validation loss", "learning rate", "steps/s"} <= set(found.Tags()["scalars"])
-    assert [event.step for event in found.Scalars("validation loss")] == [6]
+    events = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    assert {"loss", "validation loss", "learning rate", "steps/s"} <= set(events.Tags()["scalars"])
+    assert [event.step for event in events.Scalars("validation loss")] == [6]
 
 
 @pytest.mark.integration

@@ -48,7 +48,7 @@ def _outcome(skill, chunk):
 
 
 def _wanted(skill, given):
-    return [given.get(one.name, 0.0) for one in trained_skills()[skill].declaration.parameters]
+    return [given.get(param.name, 0.0) for param in trained_skills()[skill].declaration.parameters]
 
 
 def _chunks(motion):
@@ -103,9 +103,9 @@ def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
     stroll = Trained(recipe, Skill.of_schema("stroll", STROLL))
     last = _chunks(synthesize([(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
     np.testing.assert_allclose(_outcome(stroll, last), [0.2, 0.4], atol=1e-3)
-    found = synthetic_chunks(profiles, [stroll], 4.0, 0)["stroll"]
-    assert found.names.tolist() == ["veer", "ahead"]
-    assert found.params[:, 1].min() > 0.09
+    chunks = synthetic_chunks(profiles, [stroll], 4.0, 0)["stroll"]
+    assert chunks.names.tolist() == ["veer", "ahead"]
+    assert chunks.params[:, 1].min() > 0.09
 
 
 @pytest.mark.parametrize("skill", ["walk", "side_step", "turn_in_place"])
@@ -158,16 +158,16 @@ def test_nothing_jumps_where_one_command_follows_another():
 
 
 def _command(skill, values):
-    return skill.name, {one.name: float(x) for one, x in zip(skill.declaration.parameters, values, strict=False)}
+    return skill.name, {param.name: float(x) for param, x in zip(skill.declaration.parameters, values, strict=False)}
 
 
 def test_a_chunk_knows_nothing_of_the_command_after_it():
     start = [("walk", {"z": 0.5}), ("walk", {"z": 0.6})]
-    one = compose([*start, ("stop", {})], 6)
+    motion = compose([*start, ("stop", {})], 6)
     other = compose([*start, ("turn_in_place", {"yaw": 1.0})], 6)
     same = HISTORY + 2 * FUTURE
-    np.testing.assert_array_equal(one.rotations[:same], other.rotations[:same])
-    assert np.abs(one.rotations[same:] - other.rotations[same:]).max() > 0.1
+    np.testing.assert_array_equal(motion.rotations[:same], other.rotations[:same])
+    assert np.abs(motion.rotations[same:] - other.rotations[same:]).max() > 0.1
 
 
 def _passings(motion):
@@ -181,8 +181,8 @@ def _passings(motion):
 @pytest.mark.parametrize(("z", "least", "most"), [(0.45, 1.3, 1.65), (0.6, 1.55, 1.85), (0.8, 1.75, 2.1)])
 def test_steps_have_the_cadence_of_people_at_that_speed(z, least, most):
     # Real walks: 1.35 to 1.62 steps/s at 0.91 m/s, 1.68 to 1.81 at 1.2 to 1.3 m/s, 1.85 to 2.01 at 1.6 m/s.
-    found = [_passings(compose([("walk", {"z": z})] * 12, seed)[3 * FUTURE :]) for seed in range(8)]
-    rates = [30 * (len(frames) - 1) / (frames[-1] - frames[0]) for frames in found]
+    passings = [_passings(compose([("walk", {"z": z})] * 12, seed)[3 * FUTURE :]) for seed in range(8)]
+    rates = [30 * (len(frames) - 1) / (frames[-1] - frames[0]) for frames in passings]
     assert least < np.median(rates) < most
     assert np.std(rates) > 0.02
 
@@ -241,9 +241,9 @@ def test_on_stairs_each_foot_stands_on_every_other_tread(skill, sign):
 
 
 def test_the_same_seed_gives_the_same_motion():
-    one, again, other = (compose(WANDERING, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.rotations, again.rotations)
-    assert np.abs(one.rotations - other.rotations).max() > 0.01
+    motion, again, other = (compose(WANDERING, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(motion.rotations, again.rotations)
+    assert np.abs(motion.rotations - other.rotations).max() > 0.01
 
 
 def test_knees_and_ankles_stay_within_what_a_body_can_do():
@@ -258,12 +258,12 @@ def test_knees_and_ankles_stay_within_what_a_body_can_do():
 
 def test_every_change_of_skill_is_practised():
     series = sample_calls(list(trained_skills().values()), 200, 40, np.random.default_rng(0))
-    pairs = {(a, b) for one, two in pairwise(series) for a, b in zip(one[0], two[0], strict=True)}
+    pairs = {(a, b) for before, after in pairwise(series) for a, b in zip(before[0], after[0], strict=True)}
     assert len(pairs) == len(trained_skills()) ** 2
 
 
 def test_short_steps_corners_and_long_runs_are_practised():
-    names = [one.name for one in trained_skills()["walk"].declaration.parameters]
+    names = [param.name for param in trained_skills()["walk"].declaration.parameters]
     ((_, first),) = sample_calls([trained_skills()["walk"]], 4000, 1, np.random.default_rng(0))
     straight = (np.delete(first, names.index("z"), 1) == 0).all(1)
     assert straight.mean() == pytest.approx(0.92 * (0.3 + 0.7 * (0.5 * 0.8) ** 2), abs=0.03)
@@ -278,12 +278,12 @@ def test_short_steps_corners_and_long_runs_are_practised():
 
 def test_synthetic_chunks_fill_every_skill_and_say_what_they_are(profiles):
     chunks = synthetic_chunks(profiles, list(trained_skills().values()), 20.0, 3)
-    assert {name: len(found) for name, found in chunks.items()} == dict.fromkeys(trained_skills(), 40) | {"base": 160}
+    assert {name: len(group) for name, group in chunks.items()} == dict.fromkeys(trained_skills(), 40) | {"base": 160}
     for name in ("walk", "side_step", "step_back", "turn_in_place", "sit_in_place"):
-        found = chunks[name]
-        assert not found.real.any()
-        measured = [_outcome(trained_skills()[name], found.motion(i)) for i in range(len(found))]
-        np.testing.assert_allclose(found.params, measured, atol=1e-3)
+        group = chunks[name]
+        assert not group.real.any()
+        measured = [_outcome(trained_skills()[name], group.motion(i)) for i in range(len(group))]
+        np.testing.assert_allclose(group.params, measured, atol=1e-3)
     half = len(chunks["side_step"]) // 2
     np.testing.assert_allclose(chunks["side_step"].params[half:], -chunks["side_step"].params[:half], atol=1e-6)
 
@@ -292,20 +292,20 @@ def test_profiles_are_read_off_real_walks(profiles):
     walk = compose([("walk", {"z": 0.575})] * 12, 0)[HISTORY + 3 * FUTURE :]
     idle = compose([("stop", {})] * 12, 0)
 
-    found = Profiles.of([Clip("02_01", walk, None, "", ""), Clip("010_genuine", idle, None, "", "")])
+    estimate = Profiles.of([Clip("02_01", walk, None, "", ""), Clip("010_genuine", idle, None, "", "")])
 
-    swing = found.gait[0][1, channel("left_shoulder", 1)]
+    swing = estimate.gait[0][1, channel("left_shoulder", 1)]
     assert 0.2 < swing < 0.4  # 0.3, times the difference between bodies.
-    np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
+    np.testing.assert_allclose(estimate.stance, profiles.stance, atol=0.15)
 
 
 def test_profiles_of_unknown_clips_are_read_off_their_walks(profiles):
     both = compose([("walk", {"z": 0.575})] * 12 + [("stop", {})] * 12, 0)
 
-    found = Profiles.of([Clip("somebody", both, None, "", "")])
+    estimate = Profiles.of([Clip("somebody", both, None, "", "")])
 
-    np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
-    assert 60 < len(found.sway) < 12 * FUTURE
+    np.testing.assert_allclose(estimate.stance, profiles.stance, atol=0.15)
+    assert 60 < len(estimate.sway) < 12 * FUTURE
 
 
 def test_profiles_without_a_walk_are_refused():

@@ -15,15 +15,15 @@ from humanclaw_train.model.generator import torch_generator
 AHEAD = {"x": 0.05, "z": 0.4, "yaw": 0.1}
 
 
-def _difference(one, other) -> float:
-    return max(np.abs(one.root - other.root).max(), np.abs(one.rotations - other.rotations).max())
+def _difference(motion, other) -> float:
+    return max(np.abs(motion.root - other.root).max(), np.abs(motion.rotations - other.rotations).max())
 
 
 @pytest.mark.parametrize("name", ["walk", "turn_in_place", "stop", "climb_upstairs"])
 @pytest.mark.parametrize("profile", ["default", pytest.param("paper", marks=pytest.mark.integration)])
 def test_shipped_skills_move_as_in_numpy(plugins, name, profile):
     skill = plugins.skill(name)
-    values = {one.name: (one.low + one.high) / 2 for one in skill.parameters}
+    values = {parameter.name: (parameter.low + parameter.high) / 2 for parameter in skill.parameters}
     motions = []
     for generator in (plugins.make("motion_generators", which, profile=profile) for which in ("dit", "torch")):
         motion = generator.start()
@@ -41,11 +41,11 @@ def test_a_base_of_the_papers_size_moves_as_in_numpy(tmp_path, device):
     path = tmp_path / "base.safetensors"
     base = write_base(path, SIZES["paper"], scale=0.02)
     adapter = write_adapter(tmp_path / "walk.safetensors", base, WALK, scale=0.02)
-    one, other = DiTGenerator.load(path, "paper"), torch_generator("paper", path, device)
-    motions = [generator.generate(generator.start(), adapter, AHEAD, (7,)) for generator in (one, other)]
-    assert np.abs(motions[0].root - one.start().root[-1]).max() > 0.01
+    reference, other = DiTGenerator.load(path, "paper"), torch_generator("paper", path, device)
+    motions = [generator.generate(generator.start(), adapter, AHEAD, (7,)) for generator in (reference, other)]
+    assert np.abs(motions[0].root - reference.start().root[-1]).max() > 0.01
     assert _difference(*motions) < 1e-4
-    assert one.digest == other.digest
+    assert reference.digest == other.digest
 
 
 def test_an_episode_on_torch_walks_where_one_in_numpy_walks(plugins):

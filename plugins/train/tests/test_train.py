@@ -83,9 +83,9 @@ def test_an_adapter_learns_to_cover_the_commanded_distance(chunks, backwards, tm
     path = _adapter(backwards, base, tmp_path / "step_back", "--steps", "200", *fast)
     generator = DiTGenerator(load_base(base), MotionProfile(Solver("midpoint", 2)))
     start = generator.start()
-    for told in (0.15, 0.35):
-        future = generator.generate(start, path, {"z": told}, (0,))
-        assert start.root[-1, 2] - future.root[-1, 2] == pytest.approx(told, abs=0.05)
+    for distance in (0.15, 0.35):
+        future = generator.generate(start, path, {"z": distance}, (0,))
+        assert start.root[-1, 2] - future.root[-1, 2] == pytest.approx(distance, abs=0.05)
 
 
 def test_the_start_of_an_episode_is_standing_taken_from_the_data(base_file):
@@ -128,9 +128,9 @@ def test_the_papers_training_is_two_switches_and_the_header_tells(backwards, bas
     ours = _adapter(backwards, base_file, tmp_path / "ours", "--steps", "3")
     paper = _adapter(backwards, base_file, tmp_path / "paper", "--steps", "3", "--tau", "uniform", "--loss", "plain")
     assert paper.read_bytes() != ours.read_bytes()
-    told = [read_header(path)["card"]["recipe"] for path in (ours, paper)]
-    assert [(one["tau"], one["terms"]) for one in told] == [("squared", "full"), ("uniform", "plain")]
-    assert told[1]["loss"]["joints"] == 0.0 < told[0]["loss"]["joints"]
+    recipes = [read_header(path)["card"]["recipe"] for path in (ours, paper)]
+    assert [(recipe["tau"], recipe["terms"]) for recipe in recipes] == [("squared", "full"), ("uniform", "plain")]
+    assert recipes[1]["loss"]["joints"] == 0.0 < recipes[0]["loss"]["joints"]
     assert capsys.readouterr().out.splitlines()[0].endswith("on cpu, from step 0 to step 3")
 
 
@@ -189,8 +189,8 @@ def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
 
 def test_a_spoilt_history_stays_in_its_canonical_frame():
     *_, root, rotations = _spoilt()
-    for one in zip(root, rotations, strict=True):
-        frame = Pose2D.of_history(Motion(one[0][:5], one[1][:5]))
+    for pair in zip(root, rotations, strict=True):
+        frame = Pose2D.of_history(Motion(pair[0][:5], pair[1][:5]))
         assert (frame.x, frame.z, frame.floor) == pytest.approx((0, 0, 0), abs=1e-5)
         assert frame.yaw == pytest.approx(0, abs=0.02)
 
@@ -302,10 +302,10 @@ def test_a_licence_that_says_nothing_is_refused(capsys):
 
 @pytest.mark.parametrize(("names", "measures"), [(["z"], ["hips.forward"]), (["ahead"], ["hips.back"])])
 def test_chunks_with_other_commands_are_not_mixed(backwards, tmp_path, names, measures):
-    with np.load(backwards / "step_back.npz") as found:
-        np.savez(tmp_path / "step_back.npz", **{**found, "names": names, "measures": measures})
-    told = rf"commands {names[0]} \({measures[0]}\); .* commands z \(hips.back\)"
-    with pytest.raises(HumanclawError, match=told):
+    with np.load(backwards / "step_back.npz") as arrays:
+        np.savez(tmp_path / "step_back.npz", **{**arrays, "names": names, "measures": measures})
+    message = rf"commands {names[0]} \({measures[0]}\); .* commands z \(hips.back\)"
+    with pytest.raises(HumanclawError, match=message):
         tensors.load([backwards, tmp_path], "step_back")
 
 
