@@ -28,29 +28,29 @@ CHECKED = {"pybullet": "zlib (its LICENSE.txt)"}
 
 
 def ours() -> Iterator[Distribution]:
-    return (one for one in distributions() if (one.metadata["Name"] or "").lower().startswith("humanclaw"))
+    return (package for package in distributions() if (package.metadata["Name"] or "").lower().startswith("humanclaw"))
 
 
 def needed() -> dict[str, Distribution]:
     """Return every installed distribution that ours require, directly or not."""
-    found: dict[str, Distribution] = {}
+    packages: dict[str, Distribution] = {}
     left = list(ours())
     while left:
         for line in left.pop().requires or ():
             asked = Requirement(line)
-            if asked.name.lower() in found or (asked.marker and not asked.marker.evaluate({"extra": ""})):
+            if asked.name.lower() in packages or (asked.marker and not asked.marker.evaluate({"extra": ""})):
                 continue
             try:
-                found[asked.name.lower()] = distribution(asked.name)
-                left.append(found[asked.name.lower()])
+                packages[asked.name.lower()] = distribution(asked.name)
+                left.append(packages[asked.name.lower()])
             except PackageNotFoundError:
                 continue
-    return {name: one for name, one in sorted(found.items()) if not name.startswith("humanclaw")}
+    return {name: package for name, package in sorted(packages.items()) if not name.startswith("humanclaw")}
 
 
-def licence(one: Distribution) -> str:
+def licence(package: Distribution) -> str:
     """Return the licence in the metadata: the expression, else the classifiers, else the first line of the text."""
-    head = one.metadata
+    head = package.metadata
     named = [line.rsplit(" :: ", 1)[-1] for line in head.get_all("Classifier") or () if line.startswith("License ::")]
     text = (head["License"] or "").strip().split("\n")[0]
     return head["License-Expression"] or ", ".join(named) or text or CHECKED.get(head["Name"].lower(), "not stated")
@@ -67,27 +67,27 @@ def unaudited() -> int:
     command = [sys.executable, "-m", "pip_audit", "--skip-editable", "--progress-spinner", "off", "--format", "json"]
     done = subprocess.run(command, capture_output=True, text=True)
     try:
-        found = json.loads(done.stdout)["dependencies"]
+        packages = json.loads(done.stdout)["dependencies"]
     except (ValueError, KeyError):
         print(done.stderr.strip() or "pip-audit printed nothing", file=sys.stderr)
         return 1
-    for one in found:
-        for hole in one.get("vulns", ()):
+    for package in packages:
+        for hole in package.get("vulns", ()):
             fixed = ", ".join(hole["fix_versions"]) or "none"
-            print(f"! {one['name']} {one['version']}: {hole['id']}, fixed in {fixed}")
-    asked = [one for one in found if "editable" not in one.get("skip_reason", "")]
-    skipped = [one for one in asked if "skip_reason" in one]
+            print(f"! {package['name']} {package['version']}: {hole['id']}, fixed in {fixed}")
+    asked = [package for package in packages if "editable" not in package.get("skip_reason", "")]
+    skipped = [package for package in asked if "skip_reason" in package]
     print(f"{len(asked) - len(skipped)} of {len(asked)} packages were looked up for vulnerabilities")
-    return len(skipped) + sum(bool(one.get("vulns")) for one in found)
+    return len(skipped) + sum(bool(package.get("vulns")) for package in packages)
 
 
 def main() -> int:
     bad = 0
-    for name, one in needed().items():
-        terms = licence(one)
+    for name, package in needed().items():
+        terms = licence(package)
         free = bool(FREE.search(terms)) and not re.search(r"non-?commercial|\bnc\b", terms, re.IGNORECASE)
         bad += not free
-        print(f"{'' if free else '! '}{name} {one.version}: {terms}")
+        print(f"{'' if free else '! '}{name} {package.version}: {terms}")
     for name, skill in sorted(Plugins.discover().skills.items()):
         terms = of_weights(skill)
         bad += not terms

@@ -82,8 +82,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name, sizes, taken in (steps(Path(folder)), *runs(Path(folder)), *pages(Path(folder))):
             law = math.log(taken[-1] / taken[-2]) / math.log(sizes[-1] / sizes[-2])
-            told = ", ".join(f"{seconds:.1f}" for seconds in taken)
-            lines.append(f"| {name} | {', '.join(map(str, sizes))} | {told} | {law:.2f} |")
+            times = ", ".join(f"{seconds:.1f}" for seconds in taken)
+            lines.append(f"| {name} | {', '.join(map(str, sizes))} | {times} | {law:.2f} |")
     show_markdown("\n".join(lines))
 
 

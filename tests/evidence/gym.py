@@ -34,9 +34,9 @@ def repeated(what: str, begin: Callable[[int], object], count: int) -> None:
         times.append((time.process_time() - before[0], time.perf_counter() - before[1]))
         if number in {count // 10, count // 2, count}:
             spread = np.percentile(1000 * np.array(times), (50, 95, 99, 100), axis=0).T
-            told, clock = (" / ".join(f"{one:.0f}" for one in row) for row in spread)
+            processor, clock = (" / ".join(f"{value:.0f}" for value in row) for row in spread)
             print(f"{number} {what}: {begun:.0f} MiB at first, {resident():.0f} now", flush=True)
-            print(f"  ms at 50 / 95 / 99 / 100 %: {told} of processor time, {clock} by the clock", flush=True)
+            print(f"  ms at 50 / 95 / 99 / 100 %: {processor} of processor time, {clock} by the clock", flush=True)
 
 
 @contextmanager
@@ -65,8 +65,8 @@ def by_client(gym: Callable[[], Gym], count: int) -> None:
     with served(gym) as address:
 
         def session(number: int) -> None:
-            with GenericEnvClient(base_url=address).sync() as one:
-                one.reset(seed=number)
+            with GenericEnvClient(base_url=address).sync() as client:
+                client.reset(seed=number)
 
         def request(number: int) -> None:
             requests.post(f"{address}/reset", json={"seed": number}, timeout=60).raise_for_status()

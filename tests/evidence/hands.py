@@ -73,14 +73,14 @@ def reach_errors(plugins: Plugins, engine: str) -> None:
             for y in HEIGHTS[posture]:
                 short = 100 * np.array([(reach(body, *p), reach(body, *p))[1] for x, z in product(ASIDE, AHEAD)
                                         for p in [(x, y, z)]])  # fmt: skip
-                told = f"{posture}{', holding .3 kg' if holds else ''}"
+                case = f"{posture}{', holding .3 kg' if holds else ''}"
                 low, high, worst = np.median(short), np.quantile(short, 0.9), short.max()
-                print(f"| {told} | {y} cm | {low:.1f} cm | {high:.1f} cm | {worst:.1f} cm | {(short < 3).mean():.0%} |")
+                print(f"| {case} | {y} cm | {low:.1f} cm | {high:.1f} cm | {worst:.1f} cm | {(short < 3).mean():.0%} |")
 
 
 def fuzz(plugins: Plugins, engine: str, first: int, last: int) -> bool:
     """Play sequences of ten random calls with full hands; print what went deepest. Returns whether all was sound."""
-    names = sorted(name for name, one in plugins.skills.items() if one.role != "stop" and one.trained)
+    names = sorted(name for name, skill in plugins.skills.items() if skill.role != "stop" and skill.trained)
     deepest, landing, lost, sound = 0.0, 0.0, 0, True
     for k in range(first, last):
         rng, (builder, thing, fixed) = np.random.default_rng([7, k]), room(k)

@@ -57,7 +57,7 @@ def run(file: Path, out: Path, simulator: str, **variables: str) -> subprocess.P
 
 
 def digests(out: Path) -> dict[str, str]:
-    return {one.record.spec.id: one.digest for one in load_run(out)}
+    return {episode.record.spec.id: episode.digest for episode in load_run(out)}
 
 
 def killed(start: Start, length: float, most: int, when: random.Random) -> tuple[int, float]:
@@ -102,21 +102,21 @@ def kill_submissions(out: Path, kills: int, when: random.Random) -> None:
 
     def submit() -> subprocess.Popen[bytes]:
         if path.exists():
-            assert told(read(out, load_run(out))) == expected
+            assert undated(read(out, load_run(out))) == expected
             path.unlink()
         return started("-m", "humanclaw", "bench", "submit", out, "--who", "me")
 
     assert submit().wait() == 0
-    expected, length, done = told(read(out, load_run(out))), time.monotonic() - began, 0
+    expected, length, done = undated(read(out, load_run(out))), time.monotonic() - began, 0
     while done < kills:
         more, length = killed(submit, length, kills - done, when)
         done += more
-        assert told(read(out, load_run(out))) == expected
+        assert undated(read(out, load_run(out))) == expected
     print(f"{done} kills of bench submit: the same submission", flush=True)
 
 
-def told(one: Submission) -> Submission:
-    return one.model_copy(update={"made": None})
+def undated(submission: Submission) -> Submission:
+    return submission.model_copy(update={"made": None})
 
 
 def kill_caches(home: Path, kills: int, when: random.Random) -> None:
@@ -130,9 +130,9 @@ def kill_caches(home: Path, kills: int, when: random.Random) -> None:
             assert running.stdout.readline() == b"\n"
             time.sleep(when.uniform(0.0, 0.5))
             os.killpg(running.pid, signal.SIGKILL)
-        found = [data for data in map(cache.get, map(str, range(10))) if data]
-        assert all(data == data[:1] * (1 << 20) for data in found)
-        held = max(held, len(found))
+        blobs = [data for data in map(cache.get, map(str, range(10))) if data]
+        assert all(data == data[:1] * (1 << 20) for data in blobs)
+        held = max(held, len(blobs))
     assert held == 10, "nothing was written"
     print(f"{kills} kills of a writer of the cache: every entry whole", flush=True)
 

@@ -57,10 +57,10 @@ def row(body: Body, name: str, url: str, mode: str) -> tuple[str, ...]:
         return name, mode, "0", str(error), "", "", f"{time.monotonic() - began:.0f}"
     attempts = [attempt for step in steps for attempt in step.attempts]
     refused = Counter(reason(attempt) for attempt in attempts if attempt.error)
-    told = ", ".join(f"{number} {kind}" for kind, number in refused.most_common()) or "none"
+    reasons = ", ".join(f"{number} {kind}" for kind, number in refused.most_common()) or "none"
     tokens = [str(sum(getattr(step.usage, part) for step in steps)) for part in ("tokens_in", "tokens_out")]
     seconds = sum(step.seconds.get("decide", 0.0) for step in steps)
-    return name, mode, str(sum(not attempt.error for attempt in attempts)), told, *tokens, f"{seconds:.0f}"
+    return name, mode, str(sum(not attempt.error for attempt in attempts)), reasons, *tokens, f"{seconds:.0f}"
 
 
 def main() -> None:

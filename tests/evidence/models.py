@@ -38,8 +38,8 @@ def theirs(path: Path) -> Row:
         corners = [mesh.triangles for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
     except Exception as error:  # It raises errors of many types.
         return "refused", "", type(error).__name__
-    found = np.concatenate(corners) if corners else np.zeros((0, 3, 3))
-    return str(len(found)), f"{surface(found):.4g}", ""
+    triangles = np.concatenate(corners) if corners else np.zeros((0, 3, 3))
+    return str(len(triangles)), f"{surface(triangles):.4g}", ""
 
 
 def surface(corners: np.ndarray) -> float:
@@ -52,15 +52,15 @@ def main() -> None:
     folder = Path(os.environ["HUMANCLAW_MODELS"])
     count: Counter[str] = Counter()
     for path in sorted(file for file in folder.rglob("*") if file.suffix.lower() in KINDS):
-        one, other = ours(path), theirs(path)
-        alike = one[:2] == other[:2]
+        own, other = ours(path), theirs(path)
+        alike = own[:2] == other[:2]
         count["alike" if alike else "other"] += 1
-        count["refused"] += one[0] == "refused"
+        count["refused"] += own[0] == "refused"
         count["refused by trimesh"] += other[0] == "refused"
-        count["with something left out"] += one[0] != "refused" and bool(one[2])
-        if not alike or one[2]:
+        count["with something left out"] += own[0] != "refused" and bool(own[2])
+        if not alike or own[2]:
             print(
-                f"| {path.relative_to(folder)} | {one[0]} | {one[1]} | {other[0]} | {other[1]} | {one[2]} |", flush=True
+                f"| {path.relative_to(folder)} | {own[0]} | {own[1]} | {other[0]} | {other[1]} | {own[2]} |", flush=True
             )
     print(dict(count))
 

@@ -173,10 +173,10 @@ def _matrices() -> Work:
     rng = np.random.default_rng(0)
     weights = [rng.standard_normal((192, 768), np.float32) for _ in range(24)]
     tokens = rng.standard_normal((20, 192), np.float32)
-    one = ThreadpoolController()
+    controller = ThreadpoolController()
 
     def multiply() -> None:
-        with one.limit(limits=1, user_api="blas"):
+        with controller.limit(limits=1, user_api="blas"):
             for _ in range(12):
                 for matrix in weights:
                     tokens @ matrix
@@ -229,31 +229,31 @@ def _bare_mujoco() -> Work:
 def measured(samples: int, then: dict[str, Measured]) -> dict[str, Measured]:
     """Measure each figure. One that seems slower is measured again with three times as many samples, which then counts:
     the less of the two would flatter."""
-    found = {}
+    results = {}
     for figure in figures():
-        found[figure.name] = figure.measure(samples)
-        if slower(found, then)[-1:] == [figure.name]:
-            found[figure.name] = figure.measure(3 * samples)
-    return found
+        results[figure.name] = figure.measure(samples)
+        if slower(results, then)[-1:] == [figure.name]:
+            results[figure.name] = figure.measure(3 * samples)
+    return results
 
 
-def slower(found: dict[str, Measured], then: dict[str, Measured]) -> list[str]:
-    return [name for name, now in found.items() if name in then and now.ratio > SLOWER * then[name].ratio]
+def slower(results: dict[str, Measured], then: dict[str, Measured]) -> list[str]:
+    return [name for name, now in results.items() if name in then and now.ratio > SLOWER * then[name].ratio]
 
 
-def failing(found: dict[str, Measured], then: dict[str, Measured]) -> list[str]:
+def failing(results: dict[str, Measured], then: dict[str, Measured]) -> list[str]:
     """Return the figures that got slower compared with every kind of fixed work, not with their own alone."""
-    machine = max((now.fixed / then[name].fixed for name, now in found.items() if name in then), default=1.0)
-    return [name for name in slower(found, then) if found[name].work > SLOWER * machine * then[name].work]
+    machine = max((now.fixed / then[name].fixed for name, now in results.items() if name in then), default=1.0)
+    return [name for name in slower(results, then) if results[name].work > SLOWER * machine * then[name].work]
 
 
-def markdown(found: dict[str, Measured], then: dict[str, Measured]) -> str:
+def markdown(results: dict[str, Measured], then: dict[str, Measured]) -> str:
     """Return the table of then and now."""
     lines = [
         "| work | then | now | change | ms now | fixed work then | now |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for name, (ratio, work, fixed) in found.items():
+    for name, (ratio, work, fixed) in results.items():
         before = then.get(name)
         change = f"{ratio / before.ratio - 1:+.0%}" if before else "new"
         was = (f"{before.ratio:.3g}", f"{before.fixed:.1f}") if before else ("-", "-")
@@ -270,15 +270,15 @@ def main() -> int:
     began = time.perf_counter()
     kept = {} if options.save else json.loads(STANDARD.read_text("utf-8"))
     then = {name: Measured(**figure) for name, figure in kept.items()}
-    found = measured(5 if options.short else 15, then)
-    show_markdown(markdown(found, then))
+    results = measured(5 if options.short else 15, then)
+    show_markdown(markdown(results, then))
     print(f"Ratios of processor time to fixed work of the same kind; {time.perf_counter() - began:.0f} s.")
     if options.save:
-        rounded = {name: {part: round(x, 3) for part, x in now._asdict().items()} for name, now in found.items()}
+        rounded = {name: {part: round(x, 3) for part, x in now._asdict().items()} for name, now in results.items()}
         STANDARD.write_text(json.dumps(rounded, indent=1) + "\n", "utf-8")
         return 0
-    late = failing(found, then)
-    if unsure := [name for name in slower(found, then) if name not in late]:
+    late = failing(results, then)
+    if unsure := [name for name in slower(results, then) if name not in late]:
         print(f"Perhaps slower, or this machine is of another make: {', '.join(unsure)}.")
     if late:
         print(f"Slower by more than {SLOWER - 1:.0%}: {', '.join(late)}. Find the cause, or save the new standard.")

@@ -59,7 +59,7 @@ def grows(samples: list[Sample]) -> str:
     worse = [
         name
         for name, factor in slack.items()
-        if np.median([getattr(one, name) for one in late]) > factor * max(getattr(one, name) for one in early)
+        if np.median([getattr(state, name) for state in late]) > factor * max(getattr(state, name) for state in early)
     ]
     return ", ".join(worse)
 

@@ -69,16 +69,16 @@ MAKE = Plugins.make
 class Ids(reprlib.Repr):
     """Writes a value shortly and alike in each process: no address, no date in a file, sets in order."""
 
-    def repr_bytes(self, one, level):
-        return repr(one) if len(one) <= 20 else f"{len(one)} bytes"
+    def repr_bytes(self, value, level):
+        return repr(value) if len(value) <= 20 else f"{len(value)} bytes"
 
-    def repr_int(self, one, level):  # Python writes no integer of more than 4,300 digits.
-        return str(one) if abs(one) < 2**64 else f"{one.bit_length()} bits"
+    def repr_int(self, value, level):  # Python writes no integer of more than 4,300 digits.
+        return str(value) if abs(value) < 2**64 else f"{value.bit_length()} bits"
 
-    def repr_instance(self, one, level):
-        if isinstance(one, bool | float | None):
-            return repr(one)
-        return self.repr_dict(vars(one), level) if is_dataclass(one) else getattr(one, "__name__", type(one).__name__)
+    def repr_instance(self, obj, level):
+        if isinstance(obj, bool | float | None):
+            return repr(obj)
+        return self.repr_dict(vars(obj), level) if is_dataclass(obj) else getattr(obj, "__name__", type(obj).__name__)
 
 
 def pytest_make_parametrize_id(val):
@@ -135,9 +135,9 @@ def _refusing(method):
 
 
 def _made(plugins, kind, name, *arguments, **options):
-    found = MAKE(plugins, kind, name, *arguments, **options)
+    backend = MAKE(plugins, kind, name, *arguments, **options)
     WATCH.made(plugins.owner(name, kind), arguments)
-    return found
+    return backend
 
 
 @pytest.fixture(scope="session")

@@ -20,9 +20,9 @@ slow = pytest.mark.evidence
 @contextmanager
 def browsing() -> Iterator[Any]:
     """Start Chromium: the one on the path, or else playwright's."""
-    found = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
+    path = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
     with pytest.importorskip("playwright.sync_api").sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=found, args=SOFTWARE)
+        yield playwright.chromium.launch(executable_path=path, args=SOFTWARE)
 
 
 def opened(
@@ -45,10 +45,10 @@ def opened(
 def barriers(tab: Any) -> list[Any]:
     """Return the serious accessibility faults of a page, and what is wider than its window."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    found = axe.run(tab).response["violations"]
+    violations = axe.run(tab).response["violations"]
     wide = tab.evaluate("document.documentElement.scrollWidth - innerWidth")
     return [
-        (one["id"], [node["html"][:90] for node in one["nodes"][:3]])
-        for one in found
-        if one["impact"] in ("serious", "critical")
+        (violation["id"], [node["html"][:90] for node in violation["nodes"][:3]])
+        for violation in violations
+        if violation["impact"] in ("serious", "critical")
     ] + [("wide", wide)] * (wide > 0)

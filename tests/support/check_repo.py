@@ -46,10 +46,10 @@ def paper() -> Iterator[str]:
             yield f"docs/paper-items.md: {item} names no file."
         yield from (f"docs/paper-items.md: there is no {file}." for file in files if not (ROOT / file).is_file())
     rows = re.findall(r"^[|*] ([\d., AB]+)(?: \||:)", (ROOT / "docs/paper.md").read_text("utf-8"), re.MULTILINE)
-    told = {section for row in rows for section in row.split(", ")}
-    for section in sorted({section for section, item, *_ in items if re.search(r"\*\*(differs|open)", item)} - told):
+    written = {section for row in rows for section in row.split(", ")}
+    for section in sorted({section for section, item, *_ in items if re.search(r"\*\*(differs|open)", item)} - written):
         yield f"docs/paper.md lacks section {section}, which docs/paper-items.md calls different or open."
-    for section in sorted(told - {section for section, *_ in items}):
+    for section in sorted(written - {section for section, *_ in items}):
         yield f"docs/paper-items.md lacks section {section} of docs/paper.md."
 
 
@@ -78,9 +78,9 @@ def names() -> Iterator[str]:
 
 
 def main() -> int:
-    found = [fault for check in (contents, links, readme, paper, libraries, names) for fault in check()]
-    print(*found, sep="\n", end="\n" if found else "")
-    return bool(found)
+    faults = [fault for check in (contents, links, readme, paper, libraries, names) for fault in check()]
+    print(*faults, sep="\n", end="\n" if faults else "")
+    return bool(faults)
 
 
 if __name__ == "__main__":

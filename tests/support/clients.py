@@ -93,7 +93,7 @@ def serving(*arguments: str) -> Iterator[str]:
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
         assert server.stderr
         try:
-            yield next(found[0] for line in server.stderr if (found := re.search(r"http://\S+", line)))
+            yield next(match[0] for line in server.stderr if (match := re.search(r"http://\S+", line)))
         finally:
             server.terminate()
 

@@ -31,8 +31,8 @@ STROLL = {
 
 def folder_of(skill: str) -> Path:
     """Return the folder of a shipped skill."""
-    (found,) = SKILLS.glob(f"*/humanclaw_skill_*/{skill}")
-    return found
+    (folder,) = SKILLS.glob(f"*/humanclaw_skill_*/{skill}")
+    return folder
 
 
 def declaration(skill: str) -> Skill:
@@ -69,7 +69,7 @@ def change_adapter(
 
 def info(skill: Skill) -> SkillInfo:
     """Return what a record holds about a skill."""
-    return SkillInfo(role=skill.role, commands={one.key: one.measure for one in skill.parameters if one.measure})
+    return SkillInfo(role=skill.role, commands={p.key: p.measure for p in skill.parameters if p.measure})
 
 
 FOLDERS = [path.parent for path in sorted(SKILLS.glob("*/*/*/schema.json"))]

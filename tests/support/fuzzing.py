@@ -76,7 +76,7 @@ def bounded(*ours: type[Exception]) -> Iterator[None]:
         try:
             yield
         except ours as error:
-            if any(isinstance(one, MemoryError) for one in _causes(error)):
+            if any(isinstance(cause, MemoryError) for cause in _causes(error)):
                 pytest.fail(f"more than a GiB was asked for: {error}")
 
 

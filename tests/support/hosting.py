@@ -16,7 +16,7 @@ def plugin(**hooks):
 def _hook(it):
     if callable(it):
         return hookimpl(it)
-    return hookimpl(lambda register: [register(*one) if isinstance(one, tuple) else register(one) for one in it])
+    return hookimpl(lambda register: [register(*item) if isinstance(item, tuple) else register(item) for item in it])
 
 
 def host_of(owner, **hooks):

@@ -58,7 +58,7 @@ def registered(text: str, kind: str, made: Distribution) -> str:
     """Return the table of registered names with that of a new distribution; a metric and an observer are not in it."""
     line = f'{made.call} = "{made.project}"\n'
     rows = re.compile(rf"(?<=^\[{kind}s\]\n)(?:.+\n)+", re.MULTILINE)
-    return rows.sub(lambda found: "".join(sorted([*found[0].splitlines(keepends=True), line])), text)
+    return rows.sub(lambda match: "".join(sorted([*match[0].splitlines(keepends=True), line])), text)
 
 
 if __name__ == "__main__":

@@ -61,20 +61,20 @@ def roaming(count: int, **more: object) -> list[StepRecord]:
 
 
 def placed(steps: Sequence[StepRecord]) -> list[StepRecord]:
-    here, found = (0.0, STANDING_HEIGHT, 0.0), []
-    for one in steps:
-        start = here if one.start == NOWHERE else one.start
-        here = start if one.end == NOWHERE else one.end
-        found.append(one.model_copy(update={"start": start, "end": here}))
-    return found
+    here, records = (0.0, STANDING_HEIGHT, 0.0), []
+    for row in steps:
+        start = here if row.start == NOWHERE else row.start
+        here = start if row.end == NOWHERE else row.end
+        records.append(row.model_copy(update={"start": start, "end": here}))
+    return records
 
 
 def gliding(steps: Sequence[StepRecord]) -> Motion:
-    motion, frame = rest_pose(HISTORY + sum(one.motion_frames for one in steps)), HISTORY
-    for one in steps:
-        share = np.linspace(0.0, 1.0, one.motion_frames + 1)[1:, None]
-        motion.root[frame : frame + one.motion_frames] = np.array(one.start) * (1 - share) + np.array(one.end) * share
-        frame += one.motion_frames
+    motion, frame = rest_pose(HISTORY + sum(row.motion_frames for row in steps)), HISTORY
+    for row in steps:
+        share = np.linspace(0.0, 1.0, row.motion_frames + 1)[1:, None]
+        motion.root[frame : frame + row.motion_frames] = np.array(row.start) * (1 - share) + np.array(row.end) * share
+        frame += row.motion_frames
     return motion
 
 

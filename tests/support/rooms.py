@@ -34,7 +34,7 @@ def scene_object(
 
 def scene(*placed: tuple[Asset, SceneObject], rooms: tuple[Room, ...] = (), start: Pose2D | None = None) -> Scene:
     assets = {kind.name: kind for kind, _ in placed}
-    return Scene("test:rooms", assets, tuple(one for _, one in placed), rooms, start or Pose2D(1.0, 1.0, 0.0))
+    return Scene("test:rooms", assets, tuple(obj for _, obj in placed), rooms, start or Pose2D(1.0, 1.0, 0.0))
 
 
 def two_rooms(door: float = 0.9, *extra: tuple[Asset, SceneObject]) -> Scene:

@@ -52,14 +52,14 @@ def measure(root: Path, paths: Iterable[str]) -> Sizes:
 
 def faults(sizes: Sizes, budget: Sizes) -> list[str]:
     """Return what exceeds its budget, and packages without a budget or without files."""
-    found = [f"{name} has no budget. Add it to size.toml." for name in sorted(set(sizes) - set(budget))]
-    found += [f"{name} of size.toml has no files. Remove it." for name in sorted(set(budget) - set(sizes))]
+    problems = [f"{name} has no budget. Add it to size.toml." for name in sorted(set(sizes) - set(budget))]
+    problems += [f"{name} of size.toml has no files. Remove it." for name in sorted(set(budget) - set(sizes))]
     for name in sorted(set(sizes) & set(budget)):
         for counted in KINDS:
             size, most = sizes[name].get(counted, 0), budget[name].get(counted, 0)
             if size > most:
-                found.append(f"{name}: {counted} {size} exceeds the budget of {most}.")
-    return found
+                problems.append(f"{name}: {counted} {size} exceeds the budget of {most}.")
+    return problems
 
 
 def table(sizes: Sizes, budget: Sizes) -> Iterable[str]:
@@ -68,7 +68,7 @@ def table(sizes: Sizes, budget: Sizes) -> Iterable[str]:
     rows = {name: (sizes.get(name, {}), budget.get(name, {})) for name in sorted({*sizes, *budget})}
     sums = [{k: sum(row[i].get(k, 0) for row in rows.values()) for k in KINDS} for i in (0, 1)]
     for name, pair in {**rows, "all": (sums[0], sums[1])}.items():
-        yield f"{name:24}" + "".join(f"{one.get(counted, 0):9}" for counted in KINDS for one in pair)
+        yield f"{name:24}" + "".join(f"{counts.get(counted, 0):9}" for counted in KINDS for counts in pair)
 
 
 def main(save: bool) -> int:
@@ -82,8 +82,8 @@ def main(save: bool) -> int:
         file.write_text(head + "".join(rows), "utf-8")
     budget = tomllib.loads(file.read_text("utf-8"))
     print(*table(sizes, budget), sep="\n")
-    print(*(found := faults(sizes, budget)), sep="\n", end="\n" if found else "")
-    return bool(found)
+    print(*(problems := faults(sizes, budget)), sep="\n", end="\n" if problems else "")
+    return bool(problems)
 
 
 if __name__ == "__main__":

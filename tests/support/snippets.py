@@ -56,10 +56,10 @@ def snippets() -> Iterator[Snippet]:
         if path.relative_to(ROOT).as_posix() in RUN_WHOLE:
             continue
         text = path.read_text("utf-8")
-        for found in _FENCE.finditer(text):
-            line = text[: found.start("code")].count("\n")
-            way, reason = found["way"] or "always", (found["reason"] or "").strip()
-            before = text[max(0, found.start() - 250) : found.start()].rpartition("```")[2]
-            file = _SAVED.search(before) if found["language"] == "python" else None
+        for match in _FENCE.finditer(text):
+            line = text[: match.start("code")].count("\n")
+            way, reason = match["way"] or "always", (match["reason"] or "").strip()
+            before = text[max(0, match.start() - 250) : match.start()].rpartition("```")[2]
+            file = _SAVED.search(before) if match["language"] == "python" else None
             where = path.relative_to(ROOT).as_posix()
-            yield Snippet(where, line, found["language"], found["code"], way, reason, file[1] if file else "")
+            yield Snippet(where, line, match["language"], match["code"], way, reason, file[1] if file else "")

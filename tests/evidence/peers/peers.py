@@ -78,22 +78,22 @@ def motion() -> Lines:
     """A chunk of `walk`, base and adapter."""
     rows = json.loads(said([environment("ours") / "python", HERE / "motion.py"]))
     first = next(iter(rows.values()))[0]
-    told = [f"{name} {', '.join(f'{time / first:.2f}' for time in row[::2])}" for name, row in rows.items()]
+    parts = [f"{name} {', '.join(f'{time / first:.2f}' for time in row[::2])}" for name, row in rows.items()]
     most = max(max(row[1::2]) for row in rows.values())
-    yield f"A chunk of `walk`, each of 1, 8 and 64 bodies: {'; '.join(told)}. Outputs differ by {most:.0e} at most."
+    yield f"A chunk of `walk`, each of 1, 8 and 64 bodies: {'; '.join(parts)}. Outputs differ by {most:.0e} at most."
 
 
 def views() -> Lines:
     """Colours, depth and ids in one view, and the picture of each."""
-    python, side, told, first = environment("ours") / "python", Image.new("RGB", (320 * len(RENDERERS), 320)), [], 0.0
+    python, side, parts, first = environment("ours") / "python", Image.new("RGB", (320 * len(RENDERERS), 320)), [], 0.0
     for k, (name, title) in enumerate(RENDERERS.items()):
         with tempfile.NamedTemporaryFile(suffix=".png") as picture:
             taken = float(said([python, HERE / "views.py", name, picture.name]))
             side.paste(Image.open(picture.name), (320 * k, 0))
         first = first or taken
-        told.append(f"{title} {taken / first:.2f}")
+        parts.append(f"{title} {taken / first:.2f}")
     side.save(DOCS / "images" / "peers.jpg", quality=75)
-    yield f"Views of `house:0` (`docs/images/peers.jpg`), 512 x 512, 8 directions ({first:.0f} ms): {'; '.join(told)}."
+    yield f"Views of `house:0` (`docs/images/peers.jpg`), 512 x 512, 8 directions ({first:.0f} ms): {'; '.join(parts)}."
 
 
 def physics() -> Lines:
@@ -101,12 +101,12 @@ def physics() -> Lines:
     ours = json.loads(said([sys.executable, HERE / "steps.py", "ours"]))
     theirs = json.loads(said([environment("steps") / "python", HERE / "steps.py", "others"]))
     laws = {engine: (ours[f"{engine}, half-physics"], ours[f"{engine}, bare"]) for engine in ("bullet", "mujoco")}
-    told = [f"{engine} {bare:.3f} ms and {law / bare:.2f} times that" for engine, (law, bare) in laws.items()]
-    yield f"A substep in `house:0`, bare (limp body; MuJoCo: one step of a walk) and half-physics: {'; '.join(told)}."
+    parts = [f"{engine} {bare:.3f} ms and {law / bare:.2f} times that" for engine, (law, bare) in laws.items()]
+    yield f"A substep in `house:0`, bare (limp body; MuJoCo: one step of a walk) and half-physics: {'; '.join(parts)}."
     steps = ours["humanclaw"], theirs["humanoid"], theirs["robosuite"]
-    told = [f"{ms:.2f} ms" for ms in steps]
+    parts = [f"{ms:.2f} ms" for ms in steps]
     works = "ours (0.5 s)", "Gymnasium's Humanoid-v5 (0.015 s)", "robosuite's Lift (0.05 s)"
-    yield f"A step, which is other work in each: {'; '.join(map(' '.join, zip(works, told, strict=True)))}."
+    yield f"A step, which is other work in each: {'; '.join(map(' '.join, zip(works, parts, strict=True)))}."
 
 
 def start() -> Lines:
@@ -118,8 +118,8 @@ def start() -> Lines:
     for path, words in runs * ROUNDS:
         times.setdefault(f"{path.name} {words}", []).append(spent(partial(said, [path, *words.split()])))
     first = median(next(iter(times.values())))
-    told = [f"`{name}` {median(taken) / first:.2f}" for name, taken in times.items()]
-    yield f"Start-up: {', '.join(told)} ({1e3 * first:.0f} ms)."
+    parts = [f"`{name}` {median(taken) / first:.2f}" for name, taken in times.items()]
+    yield f"Start-up: {', '.join(parts)} ({1e3 * first:.0f} ms)."
 
 
 def main() -> None:

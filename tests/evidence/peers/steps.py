@@ -28,12 +28,12 @@ def ours() -> dict[str, float]:
     """A substep of half-physics on each engine, one of the engine alone on the same world, and a step of a body."""
     from humanclaw import Body, Call
 
-    found = {}
+    times = {}
     for name in ("bullet", "mujoco"):
-        found[f"{name}, half-physics"], found[f"{name}, bare"] = substeps(name)
+        times[f"{name}, half-physics"], times[f"{name}, bare"] = substeps(name)
     body = Body("house:0")
-    found["humanclaw"] = milliseconds(lambda: body.execute(Call("turn_in_place", {"yaw_deg": 30})), 1)
-    return found
+    times["humanclaw"] = milliseconds(lambda: body.execute(Call("turn_in_place", {"yaw_deg": 30})), 1)
+    return times
 
 
 def substeps(engine: str) -> tuple[float, float]:

@@ -57,15 +57,15 @@ class AnthropicServer(OpenAIServer):
 def _anthropic_content(content: str | list[Json]) -> list[Json]:
     """Return the parts of a message, including those within tool results."""
     parts: list[Json] = [{"type": "text", "text": content}] if isinstance(content, str) else content
-    found: list[Json] = []
+    pieces: list[Json] = []
     for part in parts:
         if part["type"] == "tool_result":
-            found += _anthropic_content(part.get("content") or "")
+            pieces += _anthropic_content(part.get("content") or "")
         elif part["type"] == "image":
-            found.append(_picture(part["source"]["media_type"], part["source"]["data"]))
+            pieces.append(_picture(part["source"]["media_type"], part["source"]["data"]))
         else:
-            found.append(part)
-    return found
+            pieces.append(part)
+    return pieces
 
 
 class GeminiServer(OpenAIServer):
@@ -82,8 +82,8 @@ class GeminiServer(OpenAIServer):
         system = raw.get("system_instruction") or raw.get("systemInstruction")
         messages = [{"role": "system", "content": _gemini_content(system["parts"])}] if system else []
         messages += [{"role": c["role"], "content": _gemini_content(c["parts"])} for c in raw["contents"]]
-        declared = [one for tool in raw.get("tools", ()) for one in _either(tool, "function_declarations")]
-        tools = [_function(one["name"], one.get("description", ""), _either(one, "parameters")) for one in declared]
+        declared = [function for tool in raw.get("tools", ()) for function in _either(tool, "function_declarations")]
+        tools = [_function(tool["name"], tool.get("description", ""), _either(tool, "parameters")) for tool in declared]
         return Request(path, headers, _body("scripted", messages, tools), raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
@@ -96,19 +96,19 @@ class GeminiServer(OpenAIServer):
 
 
 def _gemini_content(parts: list[Json]) -> list[Json]:
-    found = []
+    pieces = []
     for part in parts:
         inline = part.get("inline_data") or part.get("inlineData")
         answered = _either(part, "function_response")
         if inline:
             # JSON of protocol buffers may hold base64 in either alphabet; Google's client uses the URL-safe one.
             data = inline["data"].translate(str.maketrans("-_", "+/"))
-            found.append(_picture(inline.get("mime_type") or inline["mimeType"], data))
+            pieces.append(_picture(inline.get("mime_type") or inline["mimeType"], data))
         elif answered:
-            found.append({"type": "text", "text": json.dumps(answered["response"], ensure_ascii=False)})
+            pieces.append({"type": "text", "text": json.dumps(answered["response"], ensure_ascii=False)})
         else:
-            found.append({"type": "text", "text": part.get("text", "")})
-    return found
+            pieces.append({"type": "text", "text": part.get("text", "")})
+    return pieces
 
 
 class ResponsesServer(OpenAIServer):

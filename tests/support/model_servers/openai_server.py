@@ -151,8 +151,8 @@ def status(code: int, explanation: str = "", headers: Mapping[str, str] | None =
 def thinking(thoughts: str, reply: Reply) -> Reply:
     """Return the reply with the model's thoughts, as `reasoning_content`."""
     (choice,) = reply.body["choices"]
-    told = {**choice, "message": {**choice["message"], "reasoning_content": thoughts}}
-    return replace(reply, body={**reply.body, "choices": [told]})
+    changed = {**choice, "message": {**choice["message"], "reasoning_content": thoughts}}
+    return replace(reply, body={**reply.body, "choices": [changed]})
 
 
 def no_choices() -> Reply:
@@ -279,9 +279,9 @@ class OpenAIServer:
 def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            found = self.path.rstrip("/").endswith("/models")
+            listing = self.path.rstrip("/").endswith("/models")
             models = Reply({"object": "list", "data": [{"id": "test", "object": "model"}]})
-            reply = models if found else status(404, f"no such path: {self.path}")
+            reply = models if listing else status(404, f"no such path: {self.path}")
             self._send(reply, reply.body)
 
         def do_POST(self) -> None:

@@ -45,14 +45,14 @@ class Row:
     options: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, provider: str, about: dict[str, Any], told: dict[str, Any]) -> Self:
-        body = told.get("body") or _filled(about["envelope"], told["answer"], told["end"], about["usage"])
-        reply = Reply(body, told.get("status", 200), told.get("headers", {}))
-        own = {key: told[key] for key in ("says", "without", "thoughts", "wait", "options") if key in told}
-        given = {key: told.get(key) or about[key] for key in ("model", "source")}
+    def of(cls, provider: str, about: dict[str, Any], row: dict[str, Any]) -> Self:
+        body = row.get("body") or _filled(about["envelope"], row["answer"], row["end"], about["usage"])
+        reply = Reply(body, row.get("status", 200), row.get("headers", {}))
+        own = {key: row[key] for key in ("says", "without", "thoughts", "wait", "options") if key in row}
+        given = {key: row.get(key) or about[key] for key in ("model", "source")}
         server = getattr(dialects, about["server"], OpenAIServer)
-        tokens = tuple(told.get("tokens", ()))
-        return cls(provider, told["when"], server=server, reply=reply, then=told["then"], tokens=tokens, **given, **own)
+        tokens = tuple(row.get("tokens", ()))
+        return cls(provider, row["when"], server=server, reply=reply, then=row["then"], tokens=tokens, **given, **own)
 
     def __str__(self) -> str:
         return f"{self.provider}: {self.when}"
@@ -64,7 +64,7 @@ def providers() -> dict[str, dict[str, Any]]:
 
 
 def rows() -> list[Row]:
-    return [Row.of(name, about, told) for name, about in providers().items() for told in about["replies"]]
+    return [Row.of(name, about, row) for name, about in providers().items() for row in about["replies"]]
 
 
 def a_call(provider: str) -> Row:
