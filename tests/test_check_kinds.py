@@ -161,9 +161,9 @@ def faults(tmp_path, text, name="mine"):
 @pytest.mark.integration
 @pytest.mark.parametrize("text", FAULTS.values(), ids=FAULTS)
 def test_a_deliberate_fault_is_named(tmp_path, text):
-    found = faults(tmp_path, text)
-    assert found
-    assert all(fault.message and fault.remedy for fault in found)
+    problems = faults(tmp_path, text)
+    assert problems
+    assert all(fault.message and fault.remedy for fault in problems)
 
 
 def test_an_unknown_argument_is_answered_with_the_known_ones(tmp_path):

@@ -483,7 +483,7 @@ def test_what_only_an_engine_finds(fault, check):
     plugins = Plugins()
     plugins.add(Engine(fault), "odd")
     report = examine(choosing, engines=["odd"], plugins=plugins)
-    assert [one.check for one in report.faults] == [check] * len(report.faults)
+    assert [fault.check for fault in report.faults] == [check] * len(report.faults)
     assert report.faults
 
 
@@ -517,15 +517,15 @@ def test_the_command_line_checks_a_file_a_folder_and_a_name(tmp_path, plugins):
         0,
         f"ok    nod: 1 call played on a fake body\n1 skill, no fault; {len(CHECKS)} named checks.\n",
     )
-    code, told = run(bad, folder_of("stop"), "turn_in_place")
+    code, output = run(bad, folder_of("stop"), "turn_in_place")
     assert code == 1
-    assert "duration: nod(times=1000)" in told
-    assert "ok    stop" in told
-    assert "ok    turn_in_place" in told
+    assert "duration: nod(times=1000)" in output
+    assert "ok    stop" in output
+    assert "ok    turn_in_place" in output
     listed = run("--list")[1].splitlines()
     assert [line.split()[0] for line in listed if not line.startswith(" ")] == list(CHECKS)
-    code, told = run(bad, "--json")
-    (row,) = json.loads(told)
+    code, output = run(bad, "--json")
+    (row,) = json.loads(output)
     assert {fault["check"] for fault in row["faults"]} == {"duration", "keyframes-times"}
 
 
@@ -556,21 +556,21 @@ def test_a_file_that_raises_is_a_fault_of_the_file(tmp_path, plugins, code, chec
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "check", "told"),
+    ("old", "new", "check", "message"),
     [
         ("@hookimpl\n", "", "loads", "has humanclaw_skills without @hookimpl"),
         ("    register(nod)", "    pass", "loads", "calls register(...) in no hook"),
         ("nod", "walk", "name-free", "'walk' is already a skill of plugin 'humanclaw-skill-walk'"),
     ],
 )
-def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, check, told):
+def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, check, message):
     (tmp_path / "mine.py").write_text(FILE.format(arguments="", times=1).replace(old, new))
     (report,) = check_target(str(tmp_path / "mine.py"), plugins, engines=())
-    assert [(fault.check, told in fault.message) for fault in report.faults] == [(check, True)]
+    assert [(fault.check, message in fault.message) for fault in report.faults] == [(check, True)]
 
 
 @pytest.mark.parametrize(
-    ("keys", "told"),
+    ("keys", "message"),
     [
         (((0, 0, 0), (0, -1.4)), r"key 2 of head is \(0, -1\.4\); expected three finite numbers, got 2"),
         ((0.5, 0), "key 1 of head is 0.5; expected three finite numbers, got 1"),
@@ -578,8 +578,8 @@ def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, chec
         (((0, 0, 0), (0, 0, 0, 0)), r"key 2 of head .*, got 4"),
     ],
 )
-def test_a_key_without_three_numbers_is_told_with_its_place(keys, told):
-    with pytest.raises(MotionError, match=told):
+def test_a_key_without_three_numbers_is_told_with_its_place(keys, message):
+    with pytest.raises(MotionError, match=message):
         Keyframes((0.0, 0.5), {"head": keys})
 
 
@@ -625,8 +625,8 @@ def test_the_page_of_checks_names_every_one():
     docs = Path(__file__).parents[1] / "docs"
     page = SimpleNamespace(file=SimpleNamespace(src_path="check.md"))
     site = runpy.run_path(str(docs / "_site.py"))
-    told = site["on_page_markdown"]((docs / "check.md").read_text("utf-8"), page, None, None)
-    assert [line for line in told.splitlines() if line.startswith("| `")] == [
+    rendered = site["on_page_markdown"]((docs / "check.md").read_text("utf-8"), page, None, None)
+    assert [line for line in rendered.splitlines() if line.startswith("| `")] == [
         f"| `{name}` | {says} |" for name, says in CHECKS.items()
     ]
 

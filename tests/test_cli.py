@@ -278,11 +278,11 @@ def test_a_run_that_gets_a_signal_leaves_a_record_and_a_report(tmp_path, number)
         assert run.stdout.readline().split() == ["call", "to", "target", "time"]
         assert run.stdout.readline().split()[0] == "0"  # the first step is over
         run.send_signal(number)
-        told, _ = run.communicate(timeout=120)
+        output, _ = run.communicate(timeout=120)
     assert run.returncode == 130
-    assert "interrupted after" in told
-    assert "record: r/house-0-0" in told
-    assert "report: r/report.html" in told
+    assert "interrupted after" in output
+    assert "record: r/house-0-0" in output
+    assert "report: r/report.html" in output
     assert json.loads((tmp_path / "r/house-0-0/episode.json").read_text())["outcome"] == "interrupted"
     assert (tmp_path / "r/report.html").is_file()
 
@@ -435,8 +435,8 @@ def test_a_traceback_does_not_control_the_terminal(monkeypatch, capsys):
     monkeypatch.setattr(Modules, "tell", fails)
     with pytest.raises(SystemExit) as ended:
         main(["bench"])
-    told = capsys.readouterr().err
-    assert (ended.value.code, "ValueError: a\\u001b[2Jb\\u202ec" in told, "\x1b" in told) == (1, True, False)
+    errors = capsys.readouterr().err
+    assert (ended.value.code, "ValueError: a\\u001b[2Jb\\u202ec" in errors, "\x1b" in errors) == (1, True, False)
 
 
 def test_a_misspelt_command_of_an_absent_distribution_is_answered(monkeypatch, capsys):

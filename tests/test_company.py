@@ -195,9 +195,9 @@ def test_one_start_given_to_both_episodes_is_told_from_the_bodys_own():
 
 def test_one_speech_is_heard_in_half_a_second_and_the_speaker_told():
     with company() as two:
-        told, heard = two.play([feedbacks("greet", "greet", "bow", "greet"), feedbacks("bow", "bow")])
+        replies, heard = two.play([feedbacks("greet", "greet", "bow", "greet"), feedbacks("bow", "bow")])
     assert [words.count("hello") for words in heard] == [1, 1]
-    assert ["nobody hears more" in words for words in told] == [False, True, False, False]
+    assert ["nobody hears more" in words for words in replies] == [False, True, False, False]
 
 
 @pytest.mark.parametrize(("metres", "hears"), [(7.9, True), (8.1, False)])

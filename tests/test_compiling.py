@@ -46,8 +46,8 @@ def answer(tmp_path):
     def run(factor=2.0, points=(0.0, 1.0), step=1.0):
         (tmp_path / "elsewhere.py").write_text(ELSEWHERE.format(factor=factor, points=list(points), step=step))
         program = [sys.executable, "-B", str(tmp_path / "kernel.py")]
-        found = {**os.environ, "PYTHONPATH": str(tmp_path)}
-        result, misses = subprocess.run(program, capture_output=True, text=True, check=True, env=found).stdout.split()
+        environ = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        result, misses = subprocess.run(program, capture_output=True, text=True, check=True, env=environ).stdout.split()
         return float(result), int(misses)
 
     return run

@@ -114,8 +114,8 @@ def test_swapping_two_properties_of_a_schema_changes_no_motion(plugins, tmp_path
     (folder / "schema.json").write_text(json.dumps(schema))
     generator = plugins.make("motion_generators", "dit")
     moved = []
-    for one in (shipped, Skill.from_folder(folder)):
-        plan = one.plan(one.check({"z_cm": 40}))
+    for version in (shipped, Skill.from_folder(folder)):
+        plan = version.plan(version.check({"z_cm": 40}))
         moved.append(generator.generate(generator.start(), plan.adapter, plan.values, (0, 0)))
     assert list(Skill.from_folder(folder).check({"z_cm": 40})) == ["z_cm", "yaw_deg", "x_cm"]
     assert moved[0].root[-1, 2] == pytest.approx(0.4, abs=0.05)
@@ -123,8 +123,8 @@ def test_swapping_two_properties_of_a_schema_changes_no_motion(plugins, tmp_path
 
 
 def test_the_eight_skills_say_what_their_parameters_command(plugins):
-    found = {name: (one.role, {p.name: p.measure for p in one.parameters}) for name, one in plugins.skills.items()}
-    assert found == {
+    facts = {name: (item.role, {p.name: p.measure for p in item.parameters}) for name, item in plugins.skills.items()}
+    assert facts == {
         "walk": ("locomotion", {"x": "hips.left", "z": "hips.forward", "yaw": "heading.left"}),
         "side_step": ("locomotion", {"x": "hips.left"}),
         "step_back": ("locomotion", {"z": "hips.back"}),

@@ -53,7 +53,7 @@ def test_a_thousand_flips_cuts_and_swaps_are_each_found_or_harmless(whole):
     before, rng = RecordedEpisode(whole).digest, np.random.default_rng(18)
     files = [path for path in sorted(whole.rglob("*")) if path.is_file()]
     weight = [0.3 if path.suffix.startswith(".json") else 0.4 / (len(files) - 2) for path in files]
-    found = 0
+    count = 0
     for _ in range(1000):
         path = files[int(rng.choice(len(files), p=weight))]
         data = path.read_bytes()
@@ -61,9 +61,9 @@ def test_a_thousand_flips_cuts_and_swaps_are_each_found_or_harmless(whole):
         try:
             assert RecordedEpisode(whole).digest == before, f"{path} is damaged, and nobody noticed"
         except RecordError as error:
-            found += str(whole) in str(error)
+            count += str(whole) in str(error)
         path.write_bytes(data)
-    assert found > 800  # Most of what is harmless swaps a line with itself.
+    assert count > 800  # Most of what is harmless swaps a line with itself.
 
 
 @pytest.mark.parametrize("name", ["steps.jsonl", "motion.npz", "frames/0000.jpg"])
@@ -197,7 +197,7 @@ def test_nothing_costs_less_than_nothing_or_what_is_no_number(cost):
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "told"),
+    ("field", "value", "message"),
     [
         ("motion_frames", -15, "greater than or equal to 0"),
         ("motion_frames", 10**30, "less than or equal to"),
@@ -208,7 +208,7 @@ def test_nothing_costs_less_than_nothing_or_what_is_no_number(cost):
         ("joint", "tail", "expected a joint of the body; got 'tail'"),
     ],
 )
-def test_a_sealed_step_that_no_body_could_make_is_refused(folder, field, value, told):
+def test_a_sealed_step_that_no_body_could_make_is_refused(folder, field, value, message):
     path = folder / "steps.jsonl"
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     (lines[2] if field in lines[2] else lines[2]["contacts"][0])[field] = value
@@ -216,5 +216,5 @@ def test_a_sealed_step_that_no_body_could_make_is_refused(folder, field, value, 
     record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
     digests = record.files | {"steps.jsonl": hashlib.sha256(path.read_bytes()).hexdigest()}
     write_record(folder, record.model_copy(update={"files": digests}))
-    with pytest.raises(RecordError, match=told):
+    with pytest.raises(RecordError, match=message):
         RecordedEpisode(folder).motion()

@@ -28,7 +28,7 @@ from humanclaw.plugins import Plugins, distributions
 CONTENT = {folder: tomllib.loads((folder / "pyproject.toml").read_text("utf-8")) for folder in folders()}
 PROJECTS = {folder: content["project"] for folder, content in CONTENT.items()}
 PROJECT = PROJECTS[ROOT]
-PACKAGES = {folder: one["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"][0] for folder, one in CONTENT.items()}
+PACKAGES = {folder: doc["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"][0] for folder, doc in CONTENT.items()}
 NAMES = {project["name"] for project in PROJECTS.values()}
 DEMO = {Requirement(text).name for text in PROJECT["optional-dependencies"]["demo"]}
 WITHOUT_WHEELS = set() if find_spec("pybullet") else {"bullet"}
@@ -118,8 +118,8 @@ def _requirements(project):
 
 
 def test_a_requirement_has_the_same_bounds_everywhere():
-    of_others = [one for p in PROJECTS.values() for one in _requirements(p) if one.name != p["name"]]
-    bounds = {(one.name, str(one.specifier)) for one in of_others}
+    of_others = [need for p in PROJECTS.values() for need in _requirements(p) if need.name != p["name"]]
+    bounds = {(need.name, str(need.specifier)) for need in of_others}
     counts = Counter(name for name, _ in bounds)
     assert {name for name, count in counts.items() if count > 1} == SEVERAL_BOUNDS.keys()
     assert {bound for name, bound in bounds if name in NAMES} == {"<0.2,>=0.1"}
@@ -130,10 +130,10 @@ def test_the_lock_holds_a_version_and_a_hash_of_each_requirement():
     line = re.compile(r"([a-z0-9-]+)==(\S+) \\\n    --hash=sha256:[0-9a-f]{64}\n")
     locked = dict(line.findall(text))
     assert line.sub("", text) == "", "nothing else stands in it, such as an index"
-    wanted = [one for project in PROJECTS.values() for one in _requirements(project) if one.name not in NAMES]
-    assert {name for one in wanted if (name := canonicalize_name(one.name)) not in locked} == NOT_LOCKED.keys()
-    versions = [(one, locked.get(canonicalize_name(one.name))) for one in wanted]
-    assert [str(one) for one, version in versions if version and version not in one.specifier] == []
+    wanted = [need for project in PROJECTS.values() for need in _requirements(project) if need.name not in NAMES]
+    assert {name for need in wanted if (name := canonicalize_name(need.name)) not in locked} == NOT_LOCKED.keys()
+    versions = [(need, locked.get(canonicalize_name(need.name))) for need in wanted]
+    assert [str(need) for need, version in versions if version and version not in need.specifier] == []
 
 
 def test_the_requirements_files_name_every_distribution():
@@ -162,7 +162,7 @@ def test_a_new_package_is_listed_wherever_its_neighbour_is(kind, neighbour, tmp_
     assert (package.add([kind, "new_one"]) / "pyproject.toml").is_file()
     for path in package.LISTS:
         text = (tmp_path / path).read_text("utf-8")
-        named, beside = (re.findall(MENTION.format(one), text) for one in ("new[-_]one", neighbour))
+        named, beside = (re.findall(MENTION.format(name), text) for name in ("new[-_]one", neighbour))
         assert len(named) == len(beside), path
     assert tomllib.loads((tmp_path / "core/distributions.toml").read_text())[f"{kind}s"]["new_one"].endswith("-new-one")
 
@@ -177,9 +177,9 @@ def test_the_table_says_what_the_distributions_register(plugins):
     for kind, table in distributions.table().items():
         if kind in ("commands", "paper"):
             continue
-        found = {one.name: origins[one.owner] for one in plugins.registered(kind)}
+        owners = {offer.name: origins[offer.owner] for offer in plugins.registered(kind)}
         installed = {name: of for name, of in table.items() if of in origins.values() and name not in WITHOUT_WHEELS}
-        brought = {name: of for name, of in found.items() if of in NAMES - {"humanclaw"}}  # The core is always there.
+        brought = {name: of for name, of in owners.items() if of in NAMES - {"humanclaw"}}  # The core is always there.
         assert brought == installed, kind
 
 
@@ -194,9 +194,9 @@ def test_the_table_says_whose_every_command_is():
     commands = build(Plugins.discover)
     names = commands.list_commands(click.Context(commands))
     homes = {name: _home(commands.commands[name]) for name in names}
-    found = {name: home.replace("_", "-") for name, home in homes.items() if home != "humanclaw"}
+    owners = {name: home.replace("_", "-") for name, home in homes.items() if home != "humanclaw"}
     table = distributions.table()["commands"]
-    assert {name: of for name, of in found.items() if of in NAMES} == {n: of for n, of in table.items() if n in found}
+    assert {name: of for name, of in owners.items() if of in NAMES} == {n: of for n, of in table.items() if n in owners}
     assert set(table.values()) <= NAMES
 
 
@@ -224,7 +224,7 @@ def test_a_command_that_is_not_installed_names_what_brings_it():
     ],
 )
 def test_pybullet_is_needed_only_where_it_has_wheels(python_version, sys_platform, platform_machine, needed):
-    (pybullet,) = (one for one in _requirements(PROJECTS[ROOT / "plugins/bullet"]) if one.name == "pybullet")
+    (pybullet,) = (need for need in _requirements(PROJECTS[ROOT / "plugins/bullet"]) if need.name == "pybullet")
     here = {"python_version": python_version, "sys_platform": sys_platform, "platform_machine": platform_machine}
     assert pybullet.marker.evaluate(here) is needed
 
@@ -240,7 +240,7 @@ def test_what_an_installed_distribution_lacks_is_not_offered_again():
 
 
 def test_the_extras_name_every_distribution():
-    assert {one.name for one in _requirements(PROJECT)} | {"humanclaw"} >= NAMES
+    assert {need.name for need in _requirements(PROJECT)} | {"humanclaw"} >= NAMES
     assert not {"torch", "ray"} & {Requirement(text).name for text in PROJECT["dependencies"]}
 
 
@@ -261,7 +261,7 @@ def test_plugins_lists_what_is_missing_with_its_install_line(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("direct_url", "published", "told"),
+    ("direct_url", "published", "packages"),
     [
         ('{"dir_info": {"editable": true}, "url": "file:///ROOT"}', False, f"-e {ROOT}/plugins/bench"),
         ('{"dir_info": {"editable": true}, "url": "file:///ROOT"}', True, "humanclaw-bench"),
@@ -270,14 +270,14 @@ def test_plugins_lists_what_is_missing_with_its_install_line(monkeypatch):
         (None, True, "humanclaw-bench"),
     ],
 )
-def test_the_installing_command_suits_how_the_core_was_installed(direct_url, published, told, monkeypatch):
+def test_the_installing_command_suits_how_the_core_was_installed(direct_url, published, packages, monkeypatch):
     class Installed:
         def read_text(self, name):
             return direct_url and direct_url.replace("/ROOT", ROOT.as_posix())
 
     monkeypatch.setattr(importlib.metadata, "distribution", lambda name: Installed())
     monkeypatch.setattr(distributions, "PUBLISHED", published)
-    assert distributions.install(["humanclaw-bench"]) == f"pip install {told}"
+    assert distributions.install(["humanclaw-bench"]) == f"pip install {packages}"
 
 
 def test_pages_install_from_the_index_only_once_it_has_the_packages():
@@ -330,7 +330,7 @@ def _imported(package: Path) -> set[str]:
 
 @pytest.mark.parametrize("folder", folders(), ids=lambda folder: folder.name)
 def test_a_distribution_requires_all_that_it_imports(folder):
-    required = {one.name.lower() for one in _requirements(PROJECTS[folder])}
+    required = {need.name.lower() for need in _requirements(PROJECTS[folder])}
     assert _imported(folder / PACKAGES[folder]) <= required | OPTIONAL | CARRIED
 
 

@@ -55,37 +55,37 @@ def _commands(command, words):
         yield words, command
     context = click.Context(command, info_name=words)
     for name in command.list_commands(context):
-        found = command.get_command(context, name)
-        yield from _commands(found.load() if isinstance(found, LazyCommand) else found, f"{words} {name}")
+        child = command.get_command(context, name)
+        yield from _commands(child.load() if isinstance(child, LazyCommand) else child, f"{words} {name}")
 
 
 def test_the_page_of_commands_lists_those_that_the_help_lists():
-    told = CliRunner(env={"COLUMNS": "110"}).invoke(build(Plugins.discover), ["--help"]).output
+    text = CliRunner(env={"COLUMNS": "110"}).invoke(build(Plugins.discover), ["--help"]).output
     page = (ROOT / "docs" / "commands.md").read_text("utf-8")
-    assert f"```text\n{told[told.index('Commands:') :].rstrip()}\n```" in page
+    assert f"```text\n{text[text.index('Commands:') :].rstrip()}\n```" in page
 
 
 def test_a_command_that_is_listed_unloaded_is_told_in_its_own_words(plugins):
     commands = build(lambda: plugins)
     context = click.Context(commands)
     listed = [commands.get_command(context, name) for name in commands.list_commands(context)]
-    lazy = [one for one in listed if isinstance(one, LazyCommand)]
+    lazy = [entry for entry in listed if isinstance(entry, LazyCommand)]
     assert len(lazy) > 10
-    for one in lazy:
-        command = one.load()
-        assert command.name == one.name
-        assert " ".join(command.help.split()).startswith(one.help.rstrip("."))
+    for entry in lazy:
+        command = entry.load()
+        assert command.name == entry.name
+        assert " ".join(command.help.split()).startswith(entry.help.rstrip("."))
 
 
 def test_every_command_and_every_option_says_what_it_is_for(plugins):
-    found = list(_commands(build(lambda: plugins), "humanclaw"))
-    assert len(found) > 20
-    silent = [words for words, command in found if not command.help]
+    commands = list(_commands(build(lambda: plugins), "humanclaw"))
+    assert len(commands) > 20
+    silent = [words for words, command in commands if not command.help]
     silent += [
-        f"{words} {one.opts[0]}"
-        for words, command in found
-        for one in command.params
-        if isinstance(one, click.Option) and not one.help and not isinstance(one.type, click.Choice)
+        f"{words} {option.opts[0]}"
+        for words, command in commands
+        for option in command.params
+        if isinstance(option, click.Option) and not option.help and not isinstance(option.type, click.Choice)
     ]
     assert silent == []
 
@@ -115,7 +115,7 @@ def test_every_field_of_a_record_is_told_of():
     rows = " ".join(re.findall(r"^\* (`.*?): ", page, re.MULTILINE))
     fields = list(_fields())
     assert {record for record, _, _ in fields} == KEPT
-    assert [f"{record}.{name}" for record, name, told in fields if not told and f"`{name}`" not in rows] == []
+    assert [f"{record}.{name}" for record, name, about in fields if not about and f"`{name}`" not in rows] == []
 
 
 def test_the_site_has_a_page_for_every_link_into_the_repository():
@@ -123,9 +123,9 @@ def test_the_site_has_a_page_for_every_link_into_the_repository():
     written = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
     for name in written:
         text = site["documented"]((ROOT / "docs" / name).read_text("utf-8"))
-        told = site["relinked"](text, f"docs/{name}", name)
-        assert told.count("](") == text.count("]("), name
-        for target in re.findall(r"(?<!!)\[[^\]]+\]\((?!https?://|#)([^)#\s]+)", told):
+        linked = site["relinked"](text, f"docs/{name}", name)
+        assert linked.count("](") == text.count("]("), name
+        for target in re.findall(r"(?<!!)\[[^\]]+\]\((?!https?://|#)([^)#\s]+)", linked):
             page = posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
             assert page in {*written, *site["pages"]().values(), "packages.md"}, f"{name}: {target}"
 
@@ -152,12 +152,12 @@ def test_the_arm_that_points_ahead_on_the_page_of_skills_does_so():
 
 def test_the_examples_of_hooks_are_found_together():
     plugins = Plugins.discover(sorted((ROOT / "examples/hooks").glob("*.py")))
-    told = []
-    plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=told.append)
-    assert "0 records in runs/x" in told
+    lines = []
+    plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=lines.append)
+    assert "0 records in runs/x" in lines
     kinds = {"verifiers": "careful", "faults": "sleeper", "reports": "lines", "scenes": "yard", "rewards": "haste"}
     for kind, name in (kinds | {"tasks": "corridor", "splits": "turned_round"}).items():
-        assert name in [one.name for one in plugins.registered(kind)]
+        assert name in [offer.name for offer in plugins.registered(kind)]
     assert plugins.scene("yard:x").name == "yard:x"
     assert "hello" in build(lambda: plugins).list_commands(click.Context(click.Command("humanclaw")))
     assert load_file(ROOT / "examples/hooks/verifiers.py").Careful.name == "careful"
@@ -177,8 +177,8 @@ SWITCHES = re.findall(r"`(humanclaw [^`]+)`", f"{PAPER}\n{ITEMS}")
 def test_the_differences_from_the_paper_are_those_of_the_code(plugins):
     """Limits of the body in motion, the task of the navigation subset, seats of mini, and the checks of stairs."""
     body, mini = find_profile("paper"), read_episodes(DATA / "mini.jsonl")
-    told = (body.push_force, body.max_speed, body.max_lift, body.max_fall, body.max_link_speed)
-    assert "{:g} N; at most {:g} m/s over the floor, {:g} up, {:g} down, limbs {:g}".format(*told) in PAPER
+    limits = (body.push_force, body.max_speed, body.max_lift, body.max_fall, body.max_link_speed)
+    assert "{:g} N; at most {:g} m/s over the floor, {:g} up, {:g} down, limbs {:g}".format(*limits) in PAPER
     assert f"{np.degrees(body.max_turn):.0f} degrees a frame" in PAPER
     assert f"`{instruction('chair')}`" in PAPER
     assert f"{sum(spec.interact for spec in mini)} of the 100 episodes of `mini`" in PAPER

@@ -45,8 +45,8 @@ def test_every_door_on_the_page_opens():
 
 def test_the_import_rules_forbid_packages_all_that_is_no_door():
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
-    (rule,) = (one for one in contracts if one["name"].endswith("import the public doors alone"))
-    modules = {f"humanclaw.{one.name}" for one in pkgutil.iter_modules(humanclaw.__path__)}
+    (rule,) = (contract for contract in contracts if contract["name"].endswith("import the public doors alone"))
+    modules = {f"humanclaw.{module.name}" for module in pkgutil.iter_modules(humanclaw.__path__)}
     assert modules - DOORS - {"humanclaw.__main__"} == set(rule["forbidden_modules"]) - {"humanclaw.*.*"}
 
 

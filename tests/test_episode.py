@@ -134,7 +134,7 @@ def test_an_answer_that_is_no_decision_is_its_plugins_error(body, spec):
 
 @pytest.mark.integration
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    ("answer", "message"),
     [
         (Decision((Call("walk", {"z_cm": Unspeakable()}),)), "ValueError: no words"),
         (Decision((Call("walk", Unlistable(z_cm=40)),)), "RuntimeError: no items"),
@@ -150,16 +150,16 @@ def test_an_answer_that_is_no_decision_is_its_plugins_error(body, spec):
         (replace(WALK, raw=["couch"]), "raw: Input should be a valid string"),
     ],
 )
-def test_a_wrong_decision_is_its_plugins_error_and_leaves_a_record(body, spec, tmp_path, answer, told):
+def test_a_wrong_decision_is_its_plugins_error_and_leaves_a_record(body, spec, tmp_path, answer, message):
     record = run_episode(body, spec, Agent(answer), folder=tmp_path)
     assert (record.outcome, record.steps) == ("plugin_error", 0)
     assert record.error.startswith(f"{HERE} raised ")
-    assert told in record.error
+    assert message in record.error
     assert RecordedEpisode(tmp_path).record.error == record.error
 
 
 @pytest.mark.parametrize(
-    ("says", "told"),
+    ("says", "message"),
     [
         (None, "verify() of judge returned None and no Verdict"),
         (Verdict(False), "neither accepts nor replaces"),
@@ -170,10 +170,10 @@ def test_a_wrong_decision_is_its_plugins_error_and_leaves_a_record(body, spec, t
         (asyncio.CancelledError(), "CancelledError"),
     ],
 )
-def test_a_verdict_that_is_wrong_inside_is_its_plugins_error(body, spec, tmp_path, says, told):
+def test_a_verdict_that_is_wrong_inside_is_its_plugins_error(body, spec, tmp_path, says, message):
     record = run_episode(body, spec, Agent(WALK), Verifier(says), folder=tmp_path)
     assert record.outcome == "plugin_error"
-    assert told in record.error
+    assert message in record.error
     assert RecordedEpisode(tmp_path).steps == ()
 
 
@@ -242,11 +242,11 @@ def test_a_provider_that_closes_ends_the_run_and_is_no_failure(body, spec, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("agent", "verifier", "told"),
+    ("agent", "verifier", "privileged"),
     [(True, False, {"agent": True, "verifier": False}), (False, True, {"agent": False, "verifier": True}),
      (False, None, {"agent": False})],
 )  # fmt: skip
-def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agent, verifier, told):
+def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agent, verifier, privileged):
     heard = {}
 
     class Listener:
@@ -256,7 +256,7 @@ def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agen
     agent = type("Told", (Listener, Agent), {"role": "agent", "privileged": agent})(STOP)
     judge = verifier is not None and type("Judge", (Listener, Verifier), {"role": "verifier", "privileged": verifier})
     record = run_episode(body, spec, agent, judge(Verdict(True)) if judge else None)
-    assert record.settings["privileged"] == heard == told
+    assert record.settings["privileged"] == heard == privileged
 
 
 def test_who_says_later_that_it_is_privileged_is_told_no_more(body, spec):
@@ -287,16 +287,16 @@ def test_an_agent_is_told_its_task_and_nothing_that_names_the_episode(body, hous
         if verifier is not None:
             verifier.verify = lambda *asked: Verdict(True)
         run_episode(body, spec, agent, verifier)
-        for one in filter(None, (agent, verifier)):
-            told = one.context
-            assert told.spec.model_dump(exclude_defaults=True) == {
+        for judge in filter(None, (agent, verifier)):
+            context = judge.context
+            assert context.spec.model_dump(exclude_defaults=True) == {
                 "id": "episode", "instruction": "find a couch and sit on it", "scene": "", "target_category": "couch",
                 "interact": True, "max_steps": 4,
             }  # fmt: skip
-            assert told.seed not in (0, 11)
-            assert (told.scene, told.state, told.view) == (None, None, None)
+            assert context.seed not in (0, 11)
+            assert (context.scene, context.state, context.view) == (None, None, None)
             with pytest.raises(HumanclawError):
-                Body(told.spec.scene, told.spec.start, seed=told.seed, plugins=body.plugins)
+                Body(context.spec.scene, context.spec.start, seed=context.seed, plugins=body.plugins)
     oracle = Curious(STOP)
     oracle.privileged = True
     run_episode(body, spec, oracle)
@@ -401,7 +401,7 @@ def raising(self):
 
 
 @pytest.mark.parametrize(
-    ("about", "told"),
+    ("about", "message"),
     [
         ({"settings": property(raising)}, "ValueError: not now"),
         ({"settings": {"o": object()}}, "settings are a mapping that JSON can hold"),
@@ -413,11 +413,11 @@ def raising(self):
         ({"name": "a\x1b[2J"}, "name: String should match"),
     ],
 )
-def test_what_an_agent_says_and_no_record_holds_is_its_plugins_error(body, spec, tmp_path, about, told):
+def test_what_an_agent_says_and_no_record_holds_is_its_plugins_error(body, spec, tmp_path, about, message):
     agent = type("Odd", (Agent,), about)(WALK)
     record = run_episode(body, spec, agent, folder=tmp_path)
     assert (record.outcome, record.steps, agent.asked) == ("plugin_error", 0, 0)
-    assert told in record.error
+    assert message in record.error
     assert RecordedEpisode(tmp_path).record.error == record.error
 
 
@@ -464,7 +464,7 @@ def test_an_agent_that_asks_sees_the_half_second_move(body, spec, count):
     agent.settings = {"views_between": count}
     agent.decide = lambda observation, history: seen.append(observation) or WALK
     run_episode(body, spec, agent)
-    assert [len(one.between) for one in seen] == [0, *[count] * 3]
+    assert [len(observation.between) for observation in seen] == [0, *[count] * 3]
     assert len({*seen[1].between, *seen[2].between}) == 2 * count, "no view twice"
 
 

@@ -96,7 +96,7 @@ def test_the_rover_turns_where_the_view_stays_as_it_was(plugins, house):
 def test_a_measure_of_a_third_party_is_what_its_skill_commands():
     plugins = Plugins.discover([EXAMPLES / "curtsy.py"])
     curtsy, standing = plugins.skill("curtsy"), rest_pose(5)
-    assert [one.measure for one in curtsy.parameters] == ["knees.bend"]
+    assert [parameter.measure for parameter in curtsy.parameters] == ["knees.bend"]
     chunk = standing.then(curtsy.plan({"bend_deg": 30}).over(standing))
     bend = plugins.measures["knees.bend"](chunk.root[None], chunk.rotations[None])
     at_rest = np.linalg.norm(standing.rotations[-1, 4:6], axis=-1).mean()
@@ -105,7 +105,7 @@ def test_a_measure_of_a_third_party_is_what_its_skill_commands():
 
 def test_a_metric_of_a_third_party_sums_the_turning():
     plugins = Plugins.discover([EXAMPLES / "turning.py"])
-    metric = next(one for one in plugins.registered("metrics") if one.name == "turning")
+    metric = next(offer for offer in plugins.registered("metrics") if offer.name == "turning")
     steps = [StepRecord(step=0, status="executed", attempts=(), yaw_start=0.5, yaw_end=-0.25)] * 2
     assert metric.value(SimpleNamespace(steps=steps)) == 1.5
 

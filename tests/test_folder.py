@@ -35,7 +35,7 @@ def test_what_is_written_is_read_back_from_folders_that_are_made(folder):
     with (folder / "a").append("b/c.txt") as stream:
         stream.write(b" third")
     assert folder.read("a/b/c.txt", MOST) == b"second third"
-    assert [found.inside for found in folder.holding("c.txt")] == ["a/b"]
+    assert [holder.inside for holder in folder.holding("c.txt")] == ["a/b"]
     folder.remove("a/b/c.txt")
     folder.remove("a/b/c.txt")
     assert not folder.has("a/b/c.txt")
@@ -166,22 +166,22 @@ def opens(call):
     """Whether a call opens, writes, moves or removes a file."""
     name = ast.unparse(call.func)
     first, _, last = name.rpartition(".")
-    told = {keyword.arg for keyword in call.keywords} & {"encoding", "newline", "buffering", "mode"}
+    options = {keyword.arg for keyword in call.keywords} & {"encoding", "newline", "buffering", "mode"}
     mode = call.args and isinstance(call.args[0], ast.Constant) and set(str(call.args[0].value)) <= set("rwabtx+")
     return (
         name in ("open", *READERS.split())
-        or (last == "open" and (told or mode))
+        or (last == "open" and (options or mode))
         or (first in ("os", "shutil") and last in MOVERS)
         or (last in METHODS and first and not first.startswith("resources"))
     )
 
 
 def test_only_the_door_opens_files():
-    root, found = Path(__file__).parents[1], set()
+    root, paths = Path(__file__).parents[1], set()
     parts = ("core/humanclaw/**", "plugins/*/humanclaw_*/**", "harnesses/*/humanclaw_*/**", "skills/*/humanclaw_*/**")
     for path in (path for part in parts for path in root.glob(f"{part}/*.py")):
         calls = (node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.Call))
-        found |= {path.relative_to(root).as_posix()} if any(map(opens, calls)) else set()
-    allowed = {name: {place for place in OWN if name.startswith(place)} for name in found}
+        paths |= {path.relative_to(root).as_posix()} if any(map(opens, calls)) else set()
+    allowed = {name: {place for place in OWN if name.startswith(place)} for name in paths}
     assert [name for name, places in allowed.items() if not places] == [], "open it with humanclaw.storage.Folder"
     assert set(OWN) == set().union(*allowed.values()), "these open none"

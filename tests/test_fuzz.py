@@ -23,7 +23,7 @@ VALUES = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
     max_leaves=8,
 )
-KEYS = st.sampled_from([*{key for one in SKILLS.values() for key in one.schema["properties"]}, "thoughts", "reasoning"])
+KEYS = st.sampled_from([*{key for s in SKILLS.values() for key in s.schema["properties"]}, "thoughts", "reasoning"])
 PARAMS = st.dictionaries(KEYS | st.text(max_size=8), NUMBERS | VALUES, max_size=5)
 NAMES = st.sampled_from(list(SKILLS)) | st.text(max_size=12)
 

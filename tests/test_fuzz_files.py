@@ -85,18 +85,18 @@ def test_any_value_in_a_step_is_read_or_refused(home, line, picks, new):
 @functools.cache
 def submission(home):
     record_episode(home / "whole" / "couch-0")
-    one = RecordedEpisode(home / "whole" / "couch-0").record
-    told = RUN | {"versions": one.versions, "weights": one.weights, "verifier": one.verifier}
-    (home / "whole" / "run.json").write_text(json.dumps(told))
+    record = RecordedEpisode(home / "whole" / "couch-0").record
+    manifest = RUN | {"versions": record.versions, "weights": record.weights, "verifier": record.verifier}
+    (home / "whole" / "run.json").write_text(json.dumps(manifest))
     return submit_unchecked(home / "whole")
 
 
 def submit_unchecked(run):
     from humanclaw_bench.verification import split_digest
 
-    specs = [one.record.spec for one in load_run(run)]
-    told = json.loads((run / "run.json").read_text()) | {"split": split_digest(specs)}
-    (run / "run.json").write_text(json.dumps(told))
+    specs = [episode.record.spec for episode in load_run(run)]
+    manifest = json.loads((run / "run.json").read_text()) | {"split": split_digest(specs)}
+    (run / "run.json").write_text(json.dumps(manifest))
     return submit(run, "me").model_dump_json().encode()
 
 
@@ -165,9 +165,9 @@ def test_any_damage_to_a_checkpoint_is_read_or_refused(home, changes, picks, new
     def other(head):
         if not note:
             return rewritten(head, picks, new)
-        told = json.loads(head)
-        told["__metadata__"]["humanclaw"] = rewritten(told["__metadata__"]["humanclaw"], picks, new).decode()
-        return json.dumps(told).encode()
+        header = json.loads(head)
+        header["__metadata__"]["humanclaw"] = rewritten(header["__metadata__"]["humanclaw"], picks, new).decode()
+        return json.dumps(header).encode()
 
     data = checkpoint(home / "tiny.safetensors")
     for content in (damaged(data, changes), headed(data, other)):

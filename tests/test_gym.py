@@ -78,9 +78,9 @@ def test_a_call_that_cannot_be_read_costs_a_step_and_is_told(gym):
     turn = gym.call("stop", '{"thoughts": "I stop')
     assert "not valid JSON" in turn.words
     assert not turn.done, "a broken call of stop is no stop"
-    told = situation(gym, turn)[0]["text"]
-    assert "not valid JSON" in told
-    assert "held no call" not in told, "it held one"
+    text = situation(gym, turn)[0]["text"]
+    assert "not valid JSON" in text
+    assert "held no call" not in text, "it held one"
     assert "make exactly one skill call" in gym.submit(Decision()).words
     assert len(gym.episode.steps) == 2
 
@@ -130,8 +130,8 @@ def test_the_page_has_sources_rewards_and_tasks_of_causes(host):
     tasks, rewards = (
         re.findall(r"^\* `(\w+)` (?:begins|pays) ", _section(name), re.MULTILINE) for name in ("Tasks", "Rewards")
     )
-    assert set(tasks) == {one.name for one in host.registered("tasks")}
-    assert set(rewards) == {one.name for one in host.registered("rewards")} - {"nan", "raises"}
+    assert set(tasks) == {offer.name for offer in host.registered("tasks")}
+    assert set(rewards) == {offer.name for offer in host.registered("rewards")} - {"nan", "raises"}
     rows = re.findall(r"^\* `(\w+)`: ((?:find|nav|interact): .*)$", PAGE, re.MULTILINE)
     assert {name for name, _ in rows} <= set(tasks)
     assert sorted(cause for _, causes in rows for cause in causes.split("; ")) == sorted(rule.label for rule in CAUSES)
@@ -160,5 +160,5 @@ def test_the_tutorial_trains_something_as_written_in_a_short_form(tmp_path, monk
             assert done.exit_code == 0, f"{line}\n{done.output[-4000:]}"
     assert "stopper" in done.stdout
     before, after = (load_run(tmp_path / "runs" / name) for name in ("before", "after"))
-    assert [one.record.settings["agent"]["weights"] for one in (before[0], after[0])] == ["", "weights.npz"]
-    assert {one.record.spec.scene for one in after} == {"house:train-1"}
+    assert [episode.record.settings["agent"]["weights"] for episode in (before[0], after[0])] == ["", "weights.npz"]
+    assert {episode.record.spec.scene for episode in after} == {"house:train-1"}

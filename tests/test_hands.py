@@ -47,10 +47,10 @@ def wave_with_what_is_held(body: ProprioceptiveState) -> Keyframes:
 @pytest.fixture(scope="module")
 def plugins():
     packages = (humanclaw_skill_crouch, humanclaw_skill_gaze, humanclaw_skill_handle, humanclaw_skill_hands)
-    found = Plugins.discover([Path(package.__file__).parent for package in packages])
-    found.add(plugin(skills=[wave_with_what_is_held]), "own")
-    found.add(Fakes(), FAKE)
-    return found
+    host = Plugins.discover([Path(package.__file__).parent for package in packages])
+    host.add(plugin(skills=[wave_with_what_is_held]), "own")
+    host.add(Fakes(), FAKE)
+    return host
 
 
 class Room:
@@ -109,18 +109,18 @@ def test_a_hand_carries_a_cup_through_every_locomotion_skill(plugins, engine):
     """The ways are those of a body without a cup, to 5 cm in half a second."""
     room = Room()
     cup = room.put()
-    calls = {name: one for name, one in plugins.skills.items() if one.role == "locomotion"}
+    calls = {name: skill for name, skill in plugins.skills.items() if skill.role == "locomotion"}
     with room.body(plugins, engine) as body:
         assert take(body, cup)
         for _ in range(4):
             body.call("step_back", z_cm=30)
-        for one in calls.values():
-            bounds = {key: part["maximum"] for key, part in one.schema["properties"].items() if "default" not in part}
-            if one.climbs:
+        for skill in calls.values():
+            bounds = {key: part["maximum"] for key, part in skill.schema["properties"].items() if "default" not in part}
+            if skill.climbs:
                 continue
             for _ in range(2):
-                body.call(one.name, **{key: most // 2 for key, most in bounds.items()})
-                assert body.state().held == {"right": cup}, one.name
+                body.call(skill.name, **{key: most // 2 for key, most in bounds.items()})
+                assert body.state().held == {"right": cup}, skill.name
         level = matrix_up(thing(body, cup))
         assert level > 0.99
         body.call("sit_in_place", h_cm=50)
@@ -310,12 +310,12 @@ def test_a_wall_knocks_a_thing_out_of_the_hand(plugins, engine):
         body.call("step_back", z_cm=30)
         for _ in range(4):
             body.call("turn_in_place", yaw_deg=45)
-        told, deepest = "", 0.0
+        words, deepest = "", 0.0
         for _ in range(6):
-            told += str(body.call("walk", z_cm=50).feedback)
+            words += str(body.call("walk", z_cm=50).feedback)
             for pose in path(body, box):
                 deepest = max(deepest, -wall - body.scene.vertices(box, pose)[:, 2].min())
-        assert "what your right hand held slipped" in told
+        assert "what your right hand held slipped" in words
         assert body.state().held == {}
         assert deepest < 0.01
 
@@ -370,8 +370,8 @@ def test_a_door_opens_for_a_hand_that_pulls_no_faster_than_the_hand(plugins, eng
     with room.body(plugins, engine, sensors=("touch",)) as body:
         obj = body.scene.by_id[door]
         reach(body, "right", -22, 110, 64, times=2)
-        told = str(body.call("grasp", side="right").feedback)
-        assert "Your right hand holds something." in told
+        words = str(body.call("grasp", side="right").feedback)
+        assert "Your right hand holds something." in words
         fastest, hand_speed = 0.0, 0.0
         for name, params in [("pull", {"side": "right", "cm": 20})] * 2 + [("step_back", {"z_cm": 20})]:
             body.call(name, **params)

@@ -222,7 +222,7 @@ def test_an_episode_neither_reads_nor_moves_shared_randomness(body, house, tmp_p
         run_episode(body, spec, ScriptedAgent([STEP, STEP]), folder=tmp_path / str(shared))
         after = random.getstate(), np.random.get_state()
         assert after[0] == before[0]
-        assert all(np.array_equal(one, two) for one, two in zip(before[1], after[1], strict=True))
+        assert all(np.array_equal(old, new) for old, new in zip(before[1], after[1], strict=True))
         digests.add(RecordedEpisode(tmp_path / str(shared)).digest)
     assert len(digests) == 1
 
@@ -231,8 +231,8 @@ def test_another_seed_gives_another_motion(body, house, tmp_path):
     for seed in (1, 2):
         spec = free_episode("walk", house, seed=seed, max_steps=2)
         run_episode(body, spec, ScriptedAgent([STEP, STOP]), folder=tmp_path / str(seed))
-    one, two = (RecordedEpisode(tmp_path / name).motion("generated") for name in ("1", "2"))
-    assert not np.array_equal(one.root, two.root)
+    first, second = (RecordedEpisode(tmp_path / name).motion("generated") for name in ("1", "2"))
+    assert not np.array_equal(first.root, second.root)
 
 
 def test_a_scene_that_is_not_the_episodes_own_is_refused(body, house):

@@ -83,8 +83,8 @@ def test_a_plugin_adds_a_measure_and_no_two_share_a_name():
     assert plugins.measures["root.up"](*_chunk(up=0.1)) == pytest.approx([rest_pose().root[0, 1] + 0.1])
     assert set(MEASURES) < set(plugins.measures)
     plugins.add(plugin(measures=[UP]), "another")
-    (told,) = plugins.infos[-1].duplicates
-    assert told.startswith("measure 'root.up' of plugin 'another' is already registered by 'reaching'.")
+    (message,) = plugins.infos[-1].duplicates
+    assert message.startswith("measure 'root.up' of plugin 'another' is already registered by 'reaching'.")
 
 
 def test_a_stair_is_suited_to_going_up_and_not_to_going_ahead():
@@ -94,12 +94,12 @@ def test_a_stair_is_suited_to_going_up_and_not_to_going_ahead():
     assert suited(shipped, "hips.forward", "hips.drop").name == "walk_downstairs"
     with pytest.raises(PluginError, match=r"needs a skill of role locomotion that commands arms\.flapped"):
         find_suited(shipped, "arms.flapped")
-    assert suited([one for one in shipped if one.climbs], "hips.forward") is None
+    assert suited([skill for skill in shipped if skill.climbs], "hips.forward") is None
 
 
 def test_following_is_held_against_the_median_of_the_commands():
     """The median of 0, 0, 0 and 4 is 0 and misses by 1 in the mean; their mean 1 would miss by 1.5."""
     commanded = np.array([0.0, 0.0, 0.0, 4.0])
-    found = Regression.of(commanded, commanded + 1.25)
-    assert found == Regression(slope=1.0, r2=1.0, error=1.25, constant=1.0)
-    assert not found.follows
+    fit = Regression.of(commanded, commanded + 1.25)
+    assert fit == Regression(slope=1.0, r2=1.0, error=1.25, constant=1.0)
+    assert not fit.follows

@@ -110,9 +110,9 @@ def test_a_ball_of_400_triangles_is_still_round() -> None:
 
 
 def test_the_same_mesh_gives_the_same_bytes() -> None:
-    one, two = simplify(ball(40), 400), simplify(ball(40), 400)
-    assert (one.vertices.tobytes(), one.faces.tobytes(), one.uv.tobytes()) == (
-        two.vertices.tobytes(), two.faces.tobytes(), two.uv.tobytes(),
+    first, second = simplify(ball(40), 400), simplify(ball(40), 400)
+    assert (first.vertices.tobytes(), first.faces.tobytes(), first.uv.tobytes()) == (
+        second.vertices.tobytes(), second.faces.tobytes(), second.uv.tobytes(),
     )  # fmt: skip
 
 

@@ -48,8 +48,8 @@ class Gltf:
     def array(self, rows: Any, kind: str = "f", **more: Any) -> int:
         values = np.array(rows, kind)
         width = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[values[0].size]
-        told = {"bufferView": self.view(values.tobytes()), "componentType": KINDS[kind], "count": len(values)}
-        self.head["accessors"].append({**told, "type": width, **more})
+        accessor = {"bufferView": self.view(values.tobytes()), "componentType": KINDS[kind], "count": len(values)}
+        self.head["accessors"].append({**accessor, "type": width, **more})
         return len(self.head["accessors"]) - 1
 
     def give(self, **arrays: int) -> None:
@@ -183,8 +183,8 @@ def test_a_gltf_has_the_shape_that_its_file_says(tmp_path: Path, change: Callabl
     file = Gltf()
     change(file)
     model = read_model(file.write(tmp_path))
-    found = np.concatenate([part.vertices[part.faces] for part in model.parts])
-    np.testing.assert_allclose(found, SHAPES[change], atol=1e-6)
+    triangles = np.concatenate([part.vertices[part.faces] for part in model.parts])
+    np.testing.assert_allclose(triangles, SHAPES[change], atol=1e-6)
     assert model.left_out == ()
 
 
@@ -304,8 +304,8 @@ LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
 
 
 if not find_spec("alktx2"):
-    told = ("KTX2 pictures (`pip install alktx2` reads them): 1",)
-    LOOKS[packed_picture] = ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], told)
+    left_out = ("KTX2 pictures (`pip install alktx2` reads them): 1",)
+    LOOKS[packed_picture] = ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], left_out)
 
 
 @pytest.mark.parametrize("change", LOOKS, ids=lambda change: change.__name__)
@@ -407,7 +407,7 @@ def test_draco_is_unpacked(tmp_path: Path) -> None:
     draco = pytest.importorskip("DracoPy")
     file = Gltf()
     packed = draco.encode(np.array(CORNERS, float), np.array([[0, 1, 2]]), quantization_bits=20)
-    (number,) = [one["unique_id"] for one in draco.decode(packed).attributes]
+    (number,) = [attribute["unique_id"] for attribute in draco.decode(packed).attributes]
     file.piece["indices"] = file.array([0, 0, 0], "H")
     for accessor in file.head["accessors"]:
         del accessor["bufferView"]
@@ -540,8 +540,8 @@ def test_a_doorway_is_open_however_its_corners_are_rounded(tmp_path: Path, offse
 
 def test_a_polygon_that_cannot_be_cut_is_counted(tmp_path: Path) -> None:
     (tmp_path / "model.obj").write_text(obj(*listed([[(0, 0), (3, 3), (3, 0), (0, 1)]])))
-    (told,) = read_model(tmp_path / "model.obj").left_out
-    assert "cross themselves" in told
+    (message,) = read_model(tmp_path / "model.obj").left_out
+    assert "cross themselves" in message
 
 
 @pytest.mark.parametrize("bend", [0.05, 0.1, 0.3])
@@ -603,9 +603,9 @@ def test_a_file_is_read_as_programs_write_it(tmp_path: Path, name: str) -> None:
     assert whole_area(tmp_path / name) == pytest.approx(area)
 
 
-@pytest.mark.parametrize(("name", "told"), [("one", ()), ("two", ("vertex colours (drawn as their mean): 1",))])
+@pytest.mark.parametrize(("name", "left_out"), [("one", ()), ("two", ("vertex colours (drawn as their mean): 1",))])
 @pytest.mark.parametrize("kind", ["obj", "ply"])
-def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, name: str, told: Any) -> None:
+def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, name: str, left_out: Any) -> None:
     """Red and twice black have a third of 255 red."""
     reds = {"one": (85, 85, 85), "two": (255, 0, 0)}[name]
     points, loops = listed([ELL[:3]])
@@ -617,7 +617,7 @@ def test_colours_of_vertices_are_drawn_as_their_mean(tmp_path: Path, kind: str, 
     (tmp_path / f"model.{kind}").write_text(text)
     model = read_model(tmp_path / f"model.{kind}")
     assert model.parts[0].colour == (85, 0, 0)
-    assert model.left_out == told
+    assert model.left_out == left_out
 
 
 def test_models_in_bytes_may_be_larger_than_those_in_text(tmp_path: Path) -> None:
@@ -646,7 +646,7 @@ def test_an_obj_of_a_million_triangles_is_read(tmp_path: Path) -> None:
         assert trimesh.Trimesh(part.vertices, part.faces, process=False).area == pytest.approx(245_000)
 
 
-@pytest.mark.parametrize(("lines", "shape", "told"), [
+@pytest.mark.parametrize(("lines", "shape", "left_out"), [
     ("vt 0\nvt 1 0\nvt 0 1 0\nf 1/1 2/2 3/3\n", [CORNERS], ()),
     ("f 1 2 \\ \n3\n", [CORNERS], ()), ("f 1 2 3 \\", [CORNERS], ()),
     ("f \nf 1 2\nF 3 1 2\n", [np.roll(CORNERS, 1, 0)], ()),
@@ -657,13 +657,13 @@ def test_an_obj_of_a_million_triangles_is_read(tmp_path: Path) -> None:
     ("mtllib seen.mtl\nusemtl glass\nf 1 2 3\n", [CORNERS],
      ("pieces that shine (drawn without their light): 1", "see-through pieces (drawn solid): 1")),
 ])  # fmt: skip
-def test_odd_lines_of_an_obj_are_read_or_counted(tmp_path: Path, lines: str, shape: Any, told: Any) -> None:
+def test_odd_lines_of_an_obj_are_read_or_counted(tmp_path: Path, lines: str, shape: Any, left_out: Any) -> None:
     (tmp_path / "other.mtl").write_text("mtllib other.mtl\nnewmtl a\nKd 1 0 0\nv 9 9 9\nf 1 2 3\n")
     (tmp_path / "seen.mtl").write_text("newmtl glass\nKd 1 0 0\nd 0.0\nKe 1 1 1\nnewmtl wall\nd 1.0\nTr 0\nKe 0 0 0\n")
     (tmp_path / "model.obj").write_text(f"{TRIANGLE}{lines}")
     model = read_model(tmp_path / "model.obj")
     np.testing.assert_allclose([part.vertices[part.faces][0] for part in model.parts], shape)
-    assert tuple(sorted(model.left_out)) == told
+    assert tuple(sorted(model.left_out)) == left_out
 
 
 @pytest.mark.parametrize("line", [
@@ -679,9 +679,9 @@ def test_a_line_of_an_obj_that_cannot_be_read_is_quoted(tmp_path: Path, line: st
     ("code", "names"), [("latin-1", "üä"), ("cp1251", "жд"), ("shift-jis", "壁表"), ("utf-8", "жд")]
 )
 def test_materials_keep_their_names_in_any_code(tmp_path: Path, code: str, names: str) -> None:
-    one, two = names
-    (tmp_path / "m.mtl").write_bytes(f"newmtl T{one}\nKd 1 0 0\nnewmtl T{two}\nKd 0 1 0\n".encode(code))
-    faces = f"usemtl T{one}\nf 1 2 3\nusemtl T{two}\nf 3 2 1\n"
+    first, second = names
+    (tmp_path / "m.mtl").write_bytes(f"newmtl T{first}\nKd 1 0 0\nnewmtl T{second}\nKd 0 1 0\n".encode(code))
+    faces = f"usemtl T{first}\nf 1 2 3\nusemtl T{second}\nf 3 2 1\n"
     (tmp_path / "model.obj").write_bytes(f"mtllib m.mtl\n{TRIANGLE}{faces}".encode(code))
     assert [part.colour for part in read_model(tmp_path / "model.obj").parts] == [(255, 0, 0), (0, 255, 0)]
 

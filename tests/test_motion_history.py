@@ -73,15 +73,15 @@ def test_the_papers_profile_alone_leaves_heading_errors_as_they_are(profile, ask
 def least_distance(motion):
     """Return how near the wrists and finger tips of a motion come to the axes of the thighs, metres."""
     joints, turns = forward_kinematics(motion.root, motion.rotations)
-    found = []
+    distances = []
     for side, sign in (("left", 1), ("right", -1)):
         hand = JOINT_INDEX[f"{side}_hand"]
         for point in (joints[:, JOINT_INDEX[f"{side}_wrist"]], joints[:, hand] + turns[:, hand] @ [sign * 0.085, 0, 0]):
             for thigh in ("left", "right"):
                 start, end = (joints[:, JOINT_INDEX[f"{thigh}_{part}"]] for part in ("hip", "knee"))
                 along = np.clip(np.sum((point - start) * (end - start), -1) / np.sum((end - start) ** 2, -1), 0, 1)
-                found.append(np.linalg.norm(point - start - along[:, None] * (end - start), axis=-1))
-    return np.min(found)
+                distances.append(np.linalg.norm(point - start - along[:, None] * (end - start), axis=-1))
+    return np.min(distances)
 
 
 @pytest.mark.parametrize("seat", [0.35, 0.45, 0.64])
@@ -123,9 +123,9 @@ def nod() -> Gaze:
     return Gaze.towards(0, -40, seconds=0.5)
 
 
-@pytest.mark.parametrize(("profile", "told"), [("default", 0), ("paper", 1)])
-def test_the_papers_profile_names_the_skills_beyond_the_papers(caplog, profile, told):
+@pytest.mark.parametrize(("profile", "times"), [("default", 0), ("paper", 1)])
+def test_the_papers_profile_names_the_skills_beyond_the_papers(caplog, profile, times):
     plugins = Plugins.discover()
     plugins.add(Fakes([nod]), FAKE)
     with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE, profile)):
-        assert caplog.text.count("nod") == told
+        assert caplog.text.count("nod") == times

@@ -73,7 +73,7 @@ def test_what_it_writes_is_tidy(made):
 @pytest.mark.evidence
 @pytest.mark.parametrize("kind", MADE)
 def test_what_it_writes_is_typed(made, kind):
-    (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
+    (package,) = (path for path in made[kind].glob("humanclaw_*") if path.suffix != ".dist-info")
     command = [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), str(package)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

@@ -41,8 +41,8 @@ def test_a_run_shows_how_its_episodes_ended_and_a_line_for_each(tmp_path: Path) 
     assert "&lt;b&gt;find&lt;/b&gt; a couch" in shown
     last = run[1].steps[-1].target_distance
     assert last is not None
-    for told in ("couch-0", "couch-1", str(len(run[0].steps)), f"{last:.2f} m"):
-        assert f">{told}</td>" in shown
+    for cell in ("couch-0", "couch-1", str(len(run[0].steps)), f"{last:.2f} m"):
+        assert f">{cell}</td>" in shown
     assert shown.count("<tr>") == 3
     run *= 20
     assert run._repr_html_().count("<tr>") == ROWS + 1
@@ -78,5 +78,5 @@ def test_the_notebook_of_the_examples_shows_what_executing_it_shows() -> None:
 def test_the_notebook_of_the_examples_is_small_and_names_no_folder() -> None:
     text = (Path(__file__).parents[1] / "examples" / "notebook.ipynb").read_text("utf-8")
     assert len(text) < 700_000
-    told = re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
-    assert not re.findall(r"/(?:tmp|home|root|work|Users)/", told)
+    words = re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
+    assert not re.findall(r"/(?:tmp|home|root|work|Users)/", words)

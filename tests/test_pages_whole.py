@@ -28,7 +28,7 @@ def follow(tmp_path):
     def follow(page: str) -> Path:
         folder = tmp_path / "project"
         folder.mkdir()
-        for block in (one for one in snippets() if one.page == page and one.way in ("always", "slow")):
+        for block in (snippet for snippet in snippets() if snippet.page == page and snippet.way in ("always", "slow")):
             said = _execute(block, folder, environment)
             assert [line for line in SAID.findall(block.code) if _promised(line) not in said] == [], said
         return folder

@@ -231,14 +231,14 @@ def check_collision(simulator, number):
     contacts = [contact for played in sides for contact in played.contacts]
     assert any(contact.person for contact in contacts)
     assert deepest(contacts) < 0.02
-    for played, told in zip(sides, meeting.motions, strict=True):
+    for played, motion in zip(sides, meeting.motions, strict=True):
         root, began = played.simulated.root, played.began.body.root[-1]
         assert np.isfinite(root).all()
         assert np.linalg.norm(np.diff(root, axis=0), axis=1).max() * FPS < 2.5
         assert matrix_from_vector(played.simulated.rotations[-1, 0])[1, 1] > 0.99
         # One may step onto the other's shoes, and no higher.
         assert (root - np.concatenate([chunk.commanded.root for chunk in played.chunks]))[:, 1].max() < 0.2
-        if np.ptp(told.root[:, 2]) == 0.0:
+        if np.ptp(motion.root[:, 2]) == 0.0:
             assert np.linalg.norm((root - began)[:, [0, 2]], axis=1).max() < 0.12
 
 

@@ -46,7 +46,7 @@ def steps(tmp_path, name):
 def test_a_file_is_played_with_its_parameters_and_reported(play, tmp_path):
     done = play("nod.py", "times=2", "degrees=-15", "--calls", "2")
     assert done.exit_code == 0, done.output
-    assert [str(one.call) for one in steps(tmp_path, "nod")] == ["nod(times=2, degrees=-15)"] * 2
+    assert [str(step.call) for step in steps(tmp_path, "nod")] == ["nod(times=2, degrees=-15)"] * 2
     page = (tmp_path / "run/report.html").read_text()
     assert '"camera": [0.52' in page, "the replay shows the face, as the film does"
     assert "The walked path" not in page, "an empty floor has no map"
@@ -62,7 +62,7 @@ def test_a_file_is_played_where_a_plugin_has_a_skill_of_that_name(play, tmp_path
 @pytest.mark.parametrize(("beginning", "first"), [("walking", ["walk", "walk"]), ("sitting", ["sit_in_place"])])
 def test_a_skill_is_played_from_a_walk_or_a_seat(play, tmp_path, beginning, first):
     assert play("turn_in_place", "yaw_deg=20", "--from", beginning).exit_code == 0
-    assert [one.call.skill for one in steps(tmp_path, "turn_in_place")] == [*first, "turn_in_place"]
+    assert [step.call.skill for step in steps(tmp_path, "turn_in_place")] == [*first, "turn_in_place"]
 
 
 def test_of_several_skills_one_is_named(play, tmp_path):
@@ -115,7 +115,7 @@ def test_a_floor_with_something_unknown_is_refused(play, argument):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["nod.py", "degree=3"], "Did you mean degrees?"),
         (["nod.py", "--force"], "`humanclaw play --help` lists the options."),
@@ -126,8 +126,8 @@ def test_a_floor_with_something_unknown_is_refused(play, argument):
         (["nod.txt"], "there is no plugin file nod.txt"),
     ],
 )
-def test_what_cannot_be_played_is_told_before_anything_moves(play, tmp_path, words, told):
+def test_what_cannot_be_played_is_told_before_anything_moves(play, tmp_path, words, message):
     done = play(*words)
     assert done.exit_code == 2
-    assert told in done.output
+    assert message in done.output
     assert not (tmp_path / "run").exists()

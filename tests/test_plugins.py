@@ -82,7 +82,7 @@ UNSPEAKABLE = "class Odd(Exception):\n    def __str__(self):\n        raise Syst
 
 
 @pytest.mark.parametrize(
-    ("code", "told"),
+    ("code", "message"),
     [
         ("\n1 / 0", ", line 2 failed to load: ZeroDivisionError"),
         ("raise SystemExit(3)", ", line 1 failed to load: SystemExit: 3"),
@@ -99,19 +99,19 @@ UNSPEAKABLE = "class Odd(Exception):\n    def __str__(self):\n        raise Syst
         ),
     ],
 )
-def test_a_plugin_file_that_fails_names_itself_and_takes_nobody_along(tmp_path, code, told):
+def test_a_plugin_file_that_fails_names_itself_and_takes_nobody_along(tmp_path, code, message):
     (tmp_path / "bad.py").write_text(code)
-    with pytest.raises(PluginError, match=rf"plugin file .*bad\.py{told}"):
+    with pytest.raises(PluginError, match=rf"plugin file .*bad\.py{message}"):
         Plugins.discover([tmp_path / "bad.py"])
 
 
 @pytest.mark.parametrize(
-    ("factory", "told"),
+    ("factory", "message"),
     [(7, "is of type int; expected a factory"), (lambda options: sys.exit(4), "gave up: SystemExit: 4")],
 )
-def test_a_factory_that_is_none_or_exits_is_named(factory, told):
+def test_a_factory_that_is_none_or_exits_is_named(factory, message):
     plugins = host_of("odd", agents=[("seven", factory)])
-    with pytest.raises(PluginError, match=f"agent 'seven' of plugin 'odd' {told}"):
+    with pytest.raises(PluginError, match=f"agent 'seven' of plugin 'odd' {message}"):
         plugins.make("agents", "seven", {})
 
 
@@ -166,8 +166,8 @@ def test_a_factory_taken_twice_names_both_owners_and_harms_neither():
         "first", "second", "second",
     ]  # fmt: skip
     assert any(
-        "agent 'quiet' of plugin 'second' is already registered by 'first'" in told
-        for told in plugins.infos[-1].duplicates
+        "agent 'quiet' of plugin 'second' is already registered by 'first'" in message
+        for message in plugins.infos[-1].duplicates
     )
 
 
@@ -269,19 +269,19 @@ def test_a_command_of_a_name_that_is_taken_leaves_the_first_there(caplog):
 
 
 @pytest.mark.parametrize(
-    ("target", "told"),
+    ("target", "message"),
     [
         ("no_such_module:hats", "command 'hats' cannot be loaded from no_such_module:hats: ModuleNotFoundError"),
         ("math:pi", "math:pi is of type float; expected a click command."),
     ],
 )
-def test_a_command_that_cannot_be_loaded_is_one_sentence(target, told):
+def test_a_command_that_cannot_be_loaded_is_one_sentence(target, message):
     plugins = host_of("hats", commands=lambda cli: cli.add_command(LazyCommand("hats", target, "Wear hats.")))
     command = build(lambda: plugins)
     assert "Wear hats." in CliRunner().invoke(command, ["--help"]).output
     done = CliRunner().invoke(command, ["hats"])
     assert done.exit_code == 2
-    assert done.output.startswith(f"error: {told}")
+    assert done.output.startswith(f"error: {message}")
 
 
 @pytest.fixture
@@ -380,7 +380,7 @@ def test_a_hook_on_its_way_out_is_told_of_and_still_works():
     plugins = host_of("hats", hookspecs=[specs])
     plugins.add(plugin(hats=[("top", 1)]), "hatter")
     assert plugins.infos[-1].notes == ("use humanclaw_caps",)
-    assert [one.name for one in plugins.registered("hats")] == ["top"]
+    assert [offer.name for offer in plugins.registered("hats")] == ["top"]
 
 
 def test_a_second_plugin_of_one_name_is_refused():
@@ -470,8 +470,8 @@ def test_pydantic_does_not_end_a_command_at_entry_points_in_utf16(site):
     (site / "acme_odd-1.0.dist-info" / "entry_points.txt").write_text("[humanclaw]\nhc_odd = hc_odd\n", "utf-16")
     path = os.pathsep.join([str(site), *sys.path])
     asked = [sys.executable, "-m", "humanclaw", "play", "--help"]
-    told = subprocess.run(asked, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
-    assert (told.returncode, "plugin 'acme-odd' is left out" in told.stderr) == (0, True)
+    result = subprocess.run(asked, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
+    assert (result.returncode, "plugin 'acme-odd' is left out" in result.stderr) == (0, True)
 
 
 @pytest.mark.parametrize("value", ["", "hc/odd"])
@@ -491,6 +491,6 @@ def test_a_module_that_raises_for_missing_names_is_disabled_by_name(site):
 
 def test_a_package_that_is_named_and_installed_is_one_plugin():
     installed = Plugins.discover()
-    found = find_spec("humanclaw_skill_sit")
-    named = Plugins.discover([Path(path) for path in found.submodule_search_locations])
+    spec = find_spec("humanclaw_skill_sit")
+    named = Plugins.discover([Path(path) for path in spec.submodule_search_locations])
     assert named.infos == installed.infos

@@ -89,8 +89,8 @@ def test_a_target_out_of_reach_is_approached_and_its_distance_told():
     with fake_body(stretch) as body:
         seen = body.call("stretch", x_cm=0, y_cm=130, z_cm=200)
         gap = 100 * np.linalg.norm(joint(body, "right_hand") - [0, 1.3, 2.0])
-    (told,) = re.findall(r"your right hand stays (\d+) cm short", str(seen.feedback))
-    assert float(told) == pytest.approx(gap, abs=2)
+    (short,) = re.findall(r"your right hand stays (\d+) cm short", str(seen.feedback))
+    assert float(short) == pytest.approx(gap, abs=2)
     assert 80 < gap < 140
 
 
@@ -107,12 +107,12 @@ def test_a_gaze_is_absolute(degrees):
 
 def test_relative_turns_stop_at_the_limit_of_the_joint():
     with fake_body(turn_head) as body:
-        told = [str(body.call("turn_head", deg=30).feedback) for _ in range(5)]
+        sentences = [str(body.call("turn_head", deg=30).feedback) for _ in range(5)]
         angles = np.degrees(np.linalg.norm(body.state().body.rotations[-1], axis=-1))
     assert angles[JOINT_INDEX["neck"]] <= JOINT_LIMITS["neck"] + 0.01
     assert angles[JOINT_INDEX["head"]] <= JOINT_LIMITS["head"] + 0.01
-    assert "could not" not in told[0]
-    assert "your neck turns no further; your head turns no further" in told[-1]
+    assert "could not" not in sentences[0]
+    assert "your neck turns no further; your head turns no further" in sentences[-1]
 
 
 def test_a_skill_feels_its_own_body_and_no_scene():

@@ -54,19 +54,19 @@ def walked(simulator: Simulator, scene: Scene) -> Execution:
     return simulator.execute(Motion(path, rest_pose(FUTURE).rotations))
 
 
-def same(one: Execution, other: Execution) -> bool:
-    arrays = [(one.simulated.root, other.simulated.root), (one.simulated.rotations, other.simulated.rotations)]
-    arrays += [(one.objects[key], other.objects[key]) for key in one.objects.keys() | other.objects.keys()]
-    return one.contacts == other.contacts and all(np.array_equal(*pair) for pair in arrays)
+def same(run: Execution, other: Execution) -> bool:
+    arrays = [(run.simulated.root, other.simulated.root), (run.simulated.rotations, other.simulated.rotations)]
+    arrays += [(run.objects[key], other.objects[key]) for key in run.objects.keys() | other.objects.keys()]
+    return run.contacts == other.contacts and all(np.array_equal(*pair) for pair in arrays)
 
 
 def test_every_start_finds_every_object_at_the_same_place(simulator: Simulator) -> None:
     scene = house()
     starts = [Pose2D(), Pose2D(x=-1.0, z=0.5, yaw=2.0), Pose2D(x=2.0, z=-3.0)]
-    found = [places(simulator, scene, start) for start in starts]
+    placings = [places(simulator, scene, start) for start in starts]
     walked(simulator, scene)
-    found.append(places(simulator, scene, starts[0]))
-    assert all(one == found[0] for one in found)
+    placings.append(places(simulator, scene, starts[0]))
+    assert all(placing == placings[0] for placing in placings)
 
 
 def test_what_is_placed_in_a_floor_stays_in_it(simulator: Simulator) -> None:
@@ -112,8 +112,8 @@ def test_a_tray_of_one_solid_piece_carries_a_book_on_top(simulator: Simulator) -
         builder = SceneBuilder.on_floor()
         builder.solid("tray", hulls, (0, 0, 2.0), movable=True, mass=5.0)
         book = builder.box("book", (0.1, 0.05, 0.1), (0, 0.41, 2.0), movable=True, mass=0.3)
-        found = simulator.reset(builder.scene(), Pose2D()).objects[book]
-        assert found[1] == pytest.approx(height, abs=0.01)
+        placing = simulator.reset(builder.scene(), Pose2D()).objects[book]
+        assert placing[1] == pytest.approx(height, abs=0.01)
 
 
 def test_what_overlaps_at_the_start_comes_apart_and_stays_near(simulator: Simulator) -> None:
@@ -132,12 +132,12 @@ def test_what_overlaps_at_the_start_comes_apart_and_stays_near(simulator: Simula
     begun = simulator.reset(scene, Pose2D()).objects
     for _ in range(4):
         simulator.execute(rest_pose(FUTURE))
-    found = simulator.state().objects
-    assert 1.49 < found[crates[3]][0] - found[crates[0]][0] < 1.75
-    assert 3.6 < found[crates[4]][2] < 3.76
+    objects = simulator.state().objects
+    assert 1.49 < objects[crates[3]][0] - objects[crates[0]][0] < 1.75
+    assert 3.6 < objects[crates[4]][2] < 3.76
     for key in crates:
-        assert found[key][1] == pytest.approx(0, abs=0.005)
-        assert np.linalg.norm(found[key][:3] - begun[key][:3]) < 0.15
+        assert objects[key][1] == pytest.approx(0, abs=0.005)
+        assert np.linalg.norm(objects[key][:3] - begun[key][:3]) < 0.15
 
 
 def test_what_is_placed_in_the_middle_of_a_wall_ends_in_the_house(simulator: Simulator) -> None:
@@ -149,10 +149,10 @@ def test_what_is_placed_in_the_middle_of_a_wall_ends_in_the_house(simulator: Sim
         builder.box("wall", (0.2, 2.5, 8.4), (side, 0, 0))
     places = [(2.0, 0, 4.1), (-4.15, 0, 1.0), (-4.1, 0, -4.1)]
     crates = [builder.box("box", (0.5, 0.5, 0.5), place, movable=True, mass=5.0) for place in places]
-    found = simulator.reset(builder.scene(), Pose2D()).objects
-    assert found[crates[0]][:3] == pytest.approx((2.0, 0.0, 3.75), abs=0.01)
-    assert found[crates[1]][:3] == pytest.approx((-3.75, 0.0, 1.0), abs=0.01)
-    assert found[crates[2]][:3] == pytest.approx((-3.75, 0.0, -3.75), abs=0.05)
+    objects = simulator.reset(builder.scene(), Pose2D()).objects
+    assert objects[crates[0]][:3] == pytest.approx((2.0, 0.0, 3.75), abs=0.01)
+    assert objects[crates[1]][:3] == pytest.approx((-3.75, 0.0, 1.0), abs=0.01)
+    assert objects[crates[2]][:3] == pytest.approx((-3.75, 0.0, -3.75), abs=0.05)
 
 
 @pytest.mark.parametrize("overlap", [0.002, 0.02])
@@ -166,10 +166,10 @@ def test_a_row_of_books_that_overlap_stays_on_its_shelf(overlap: float, simulato
     scene = builder.scene()
     begun = simulator.reset(scene, Pose2D()).objects
     simulator.execute(rest_pose(FUTURE))
-    found = simulator.state().objects
+    objects = simulator.state().objects
     for book in books:
         assert begun[book][:3] == pytest.approx(scene.by_id[book].position, abs=7.5 * overlap + 0.01)
-        assert found[book][:3] == pytest.approx(begun[book][:3], abs=0.002)
+        assert objects[book][:3] == pytest.approx(begun[book][:3], abs=0.002)
 
 
 def test_boxes_pressed_into_a_tray_are_not_shot_out_of_it(simulator: Simulator) -> None:
@@ -182,9 +182,9 @@ def test_boxes_pressed_into_a_tray_are_not_shot_out_of_it(simulator: Simulator) 
     boxes = [builder.box("box", (0.3, 0.2, 0.3), place, movable=True, mass=1.0) for place in places]
     begun = simulator.reset(builder.scene(), Pose2D()).objects
     simulator.execute(rest_pose(FUTURE))
-    found = simulator.state().objects
+    objects = simulator.state().objects
     for box in boxes:
-        assert found[box][:3] == pytest.approx(begun[box][:3], abs=0.05)
+        assert objects[box][:3] == pytest.approx(begun[box][:3], abs=0.05)
 
 
 @pytest.mark.parametrize("points", [1, 2, 3, 4])
@@ -197,9 +197,9 @@ def test_a_flat_piece_collides_as_a_thin_one(points: int, movable: bool, simulat
     table = builder.solid("table", [block((-0.1, 0, -0.1), (0.1, 0.2, 0.1)), board], (0, 0, 2.0), **facts)
     cup = builder.box("cup", (0.1, 0.1, 0.1), (0, 0.305, 2.1), movable=True, mass=0.2)
     scene = builder.scene()
-    found = simulator.reset(scene, Pose2D()).objects
-    assert not movable or found[table][1] == pytest.approx(0, abs=0.01)
-    assert points < 3 or found[cup][1] == pytest.approx(0.3, abs=0.01)
+    objects = simulator.reset(scene, Pose2D()).objects
+    assert not movable or objects[table][1] == pytest.approx(0, abs=0.01)
+    assert points < 3 or objects[cup][1] == pytest.approx(0.3, abs=0.01)
 
 
 @pytest.mark.parametrize(("piece", "said"), [

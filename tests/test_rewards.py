@@ -18,14 +18,14 @@ def scene():
     names = {"couch": COUCH, "lamp": LAMP, "table": TABLE}
     for name in names:
         made.box(name, (0.4, 0.8, 0.4), (0.0, 0.0, 3.0))
-    found = made.scene()
-    return replace(found, objects=tuple(replace(one, id=names[one.category]) for one in found.objects))
+    house = made.scene()
+    return replace(house, objects=tuple(replace(obj, id=names[obj.category]) for obj in house.objects))
 
 
 @pytest.fixture
 def earned(scene, plugins, tmp_path):
     """earned(name, steps): the sum of a reward over the steps of an episode that begins 4 m from its couch."""
-    rewards = {one.name: one.value for one in plugins.registered("rewards")}
+    rewards = {offer.name: offer.value for offer in plugins.registered("rewards")}
 
     def total(name, steps, success=False):
         record = rollout(tmp_path, steps, geodesic=4.0).record

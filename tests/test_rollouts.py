@@ -26,8 +26,8 @@ def made(plugins):
 
 def _texts(messages):
     content = [message["content"] for message in messages]
-    parts = [[{"type": "text", "text": one}] if isinstance(one, str) else one for one in content]
-    return [part.get("text", "picture") for found in parts for part in found]
+    parts = [[{"type": "text", "text": part}] if isinstance(part, str) else part for part in content]
+    return [part.get("text", "picture") for group in parts for part in group]
 
 
 @pytest.mark.integration
@@ -42,7 +42,7 @@ def test_a_row_is_the_request_that_a_model_was_sent_and_its_answer(body, house, 
     assert len(rows) == 3
     for row, request in zip(rows, server.requests, strict=True):
         assert _texts(row["messages"][:2]) == _texts(request.messages)
-        assert [one["function"] for one in json.loads(row["tools"])] == request.tools
+        assert [tool["function"] for tool in json.loads(row["tools"])] == request.tools
     said, asked = read_call("turn_in_place", rows[1]["messages"][2]["tool_calls"][0]["function"]["arguments"])
     assert (asked, said.reasoning) == (Call("turn_in_place", {"yaw_deg": 30}), "It is near.")
 
@@ -76,14 +76,14 @@ def test_filters_keep_what_they_name(tmp_path, wanted, kept):
     seen = {"says": "A couch is ahead.", "pixels": 500}
     good = rollout(tmp_path, [step(**seen, away=0.1), step("stop", **seen, away=0.1)], name="good", interact=False)
     far = rollout(tmp_path, [step(**seen), step("stop", **seen, away=3.0)], name="far", interact=False)
-    cause = next(one for one in CAUSES if one.label == "nav: stop while far")
+    cause = next(entry for entry in CAUSES if entry.label == "nav: stop while far")
     taken = [wanted.takes(good, score(good), None), wanted.takes(far, score(far), cause)]
     assert sum(taken) == kept
 
 
 # -- the command -------------------------------------------------------------------------------------------------------
-def _with_view(one, number):
-    return one.model_copy(update={"frame_file": f"frames/{number:04d}.jpg"})
+def _with_view(record, number):
+    return record.model_copy(update={"frame_file": f"frames/{number:04d}.jpg"})
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def run(tmp_path):
             step(skill, "A couch is ahead.", 500, params=params, attempts=(_said(skill, params),), **near)
             for skill, params in calls
         ]
-        steps = [_with_view(one, number) for number, one in enumerate(steps)]
+        steps = [_with_view(record, number) for number, record in enumerate(steps)]
         folder = rollout(tmp_path / name, steps, interact=False, settings=EYES, agent="oracle").folder
         (folder / "frames").mkdir()
         for number in range(len(steps)):
@@ -123,12 +123,12 @@ def _rows(folder):
 
 def test_an_interrupted_export_continues_and_its_card_names_the_parts(run, tmp_path):
     source = run("run", [("walk", {"z_cm": 40}), ("stop", {})], True)
-    told = _command(source, "--out", tmp_path / "data")
+    output = _command(source, "--out", tmp_path / "data")
     whole = {path.name: path.read_bytes() for path in (tmp_path / "data").rglob("*") if path.is_file()}
     (rows,) = (tmp_path / "data").glob("t*/*.jsonl")
     rows.unlink()
     (tmp_path / "data" / "README.md").unlink()
-    assert _command(source, "--out", tmp_path / "data") == told
+    assert _command(source, "--out", tmp_path / "data") == output
     assert {path.name: path.read_bytes() for path in (tmp_path / "data").rglob("*") if path.is_file()} == whole
     assert "  - split: train\n    path: train/*.jsonl\nlicense: " in whole["README.md"].decode()
     assert [tmp_path.joinpath("data", row["images"][0]).read_bytes() for row in _rows(tmp_path / "data")] == [
@@ -144,7 +144,7 @@ def test_two_runs_with_tasks_of_the_same_ids_both_become_data(run, tmp_path):
     _command(runs[0], "--out", tmp_path / "data")
     _command(*runs, "--out", tmp_path / "data")
     said = [row["messages"][2]["tool_calls"][0]["function"]["arguments"] for row in _rows(tmp_path / "data")]
-    assert sorted(json.loads(one).get("z_cm", 0) for one in said) == [0, 0, 30, 40]
+    assert sorted(json.loads(call).get("z_cm", 0) for call in said) == [0, 0, 30, 40]
 
 
 def test_an_episode_that_had_not_ended_is_taken_when_it_has(run, tmp_path):
@@ -185,8 +185,8 @@ def test_two_plays_that_saw_something_else_make_no_pair(run, tmp_path):
 
 
 def test_runs_in_houses_of_val_are_refused(tmp_path):
-    found = rollout(tmp_path, [step(), step("stop")], settings=EYES)
-    held = found.record.model_copy(update={"spec": found.record.spec.model_copy(update={"scene": "house:3"})})
-    found.record = held
+    episode = rollout(tmp_path, [step(), step("stop")], settings=EYES)
+    held = episode.record.model_copy(update={"spec": episode.record.spec.model_copy(update={"scene": "house:3"})})
+    episode.record = held
     with pytest.raises(Exception, match="cannot be tested in it"):
-        require_honest(found)
+        require_honest(episode)

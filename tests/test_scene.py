@@ -16,10 +16,10 @@ STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "told"), [("living", "living", "the living room"), ("bedroom_2", "bedroom", "bedroom 2")]
+    ("name", "kind", "words"), [("living", "living", "the living room"), ("bedroom_2", "bedroom", "bedroom 2")]
 )
-def test_a_room_is_told_as_people_say_it(name, kind, told):
-    assert Room(name, kind, 0, 0, 1, 1).told == told
+def test_a_room_is_told_as_people_say_it(name, kind, words):
+    assert Room(name, kind, 0, 0, 1, 1).told == words
 
 
 @pytest.mark.parametrize("height", [0.5, 45.0, 0.0, -0.45, float("nan")])
@@ -55,19 +55,19 @@ def test_a_scene_without_hinges_keeps_its_digest():
 
 def test_a_door_with_another_hinge_range_or_angle_is_another_scene():
     others = [hung(), hung(state=0.5), hung(joint=replace(HINGE, high=1.7)), hung(joint=None)]
-    assert len({scene((LEAF, one)).digest for one in others}) == len(others)
+    assert len({scene((LEAF, door)).digest for door in others}) == len(others)
 
 
 @pytest.mark.parametrize(
-    ("facts", "told"),
+    ("facts", "message"),
     [
         ({"state": 2.0}, r"object 1 \(door\) is at 2 rad, and its joint goes from 0 to 1.6"),
         ({"movable": False}, "is on a joint and is not movable"),
         ({"joint": None, "state": 0.2}, "has the state 0.2 and no joint"),
     ],
 )
-def test_a_door_that_could_not_turn_is_refused_in_words(facts, told):
-    with pytest.raises(SceneError, match=told):
+def test_a_door_that_could_not_turn_is_refused_in_words(facts, message):
+    with pytest.raises(SceneError, match=message):
         hung(**facts)
 
 
@@ -94,8 +94,8 @@ def test_a_packed_door_that_is_none_is_refused_in_words(key, value):
 def test_a_drawer_and_a_lid_survive_being_packed():
     drawer = hung(joint=Slide(0.0, 0.4, friction=8.0), state=0.1)
     lid = hung(joint=Hinge((0.0, 0.0, 0.0), 0.0, 1.6, axis=(1.0, 0.0, 0.0)))
-    for one in (hung(state=0.5), drawer, lid):
-        assert unpack_scene(pack_scene(scene((LEAF, one)))).objects[0] == one
+    for part in (hung(state=0.5), drawer, lid):
+        assert unpack_scene(pack_scene(scene((LEAF, part)))).objects[0] == part
 
 
 def test_a_drawer_is_as_far_out_as_its_slide_however_it_is_turned():
@@ -128,7 +128,7 @@ def test_a_hinge_with_impossible_or_missing_numbers_is_refused(broken):
 
 
 @pytest.mark.parametrize(
-    ("facts", "told"),
+    ("facts", "message"),
     [
         ({"mass": float("nan")}, "finite"),
         ({"mass": float("inf")}, "finite"),
@@ -139,8 +139,8 @@ def test_a_hinge_with_impossible_or_missing_numbers_is_refused(broken):
         ({"rotation": (0.0, 2.0, 0.0, 2.0)}, "unit quaternion"),
     ],
 )
-def test_an_object_of_impossible_numbers_is_refused_where_it_is_made(facts, told):
-    with pytest.raises(SceneError, match=told) as refused:
+def test_an_object_of_impossible_numbers_is_refused_where_it_is_made(facts, message):
+    with pytest.raises(SceneError, match=message) as refused:
         replace(hung(), **facts)
     assert "object 1 (door)" in str(refused.value)
 

@@ -80,17 +80,17 @@ def test_everybody_is_told_of_one_fall_however_many_calls_it_takes(height):
     builder = SceneBuilder.on_floor()
     builder.box("platform", (2, height, 1.6), (0, 0, 0))
     scene = builder.scene(floor=height)
-    told, calls = [], [Call("walk", {"x_cm": 0, "z_cm": 80, "yaw_deg": 0})] * 6
+    answers, calls = [], [Call("walk", {"x_cm": 0, "z_cm": 80, "yaw_deg": 0})] * 6
     with Body(scene, backends=Backends(DEFAULT, renderer="raster")) as body:
         for call in calls:
-            told.append(body.call(call.skill, **call.params).feedback)
+            answers.append(body.call(call.skill, **call.params).feedback)
         with Episode(body, free_episode("Walk.", scene), ScriptedAgent([])) as episode:
             steps = [episode.submit(Decision((call,))) for call in calls]
-    landed = [feedback.fall for feedback in told if feedback.fall and not feedback.falling]
+    landed = [feedback.fall for feedback in answers if feedback.fall and not feedback.falling]
     assert landed == pytest.approx([height], abs=0.1)
-    assert f"You fell {landed[0]:.1f} m." in " ".join(map(str, told))
-    assert [(step.fall, step.falling) for step in steps] == [(one.fall, one.falling) for one in told]
-    assert [step.feedback.fall for step in steps] == [one.fall for one in told]
+    assert f"You fell {landed[0]:.1f} m." in " ".join(map(str, answers))
+    assert [(step.fall, step.falling) for step in steps] == [(feedback.fall, feedback.falling) for feedback in answers]
+    assert [step.feedback.fall for step in steps] == [feedback.fall for feedback in answers]
 
 
 def test_a_body_in_the_air_is_told_that_it_is_falling():
@@ -166,14 +166,14 @@ def test_what_the_feet_stand_on_is_no_touch_and_what_the_toes_hit_is():
 
 
 @pytest.mark.parametrize(
-    ("sensors", "told"), [((), (False, False)), (("body",), (True, False)), (("body", "touch"), (True, True))]
+    ("sensors", "senses"), [((), (False, False)), (("body",), (True, False)), (("body", "touch"), (True, True))]
 )
-def test_only_the_senses_asked_for_speak(plugins, house, sensors, told):
+def test_only_the_senses_asked_for_speak(plugins, house, sensors, senses):
     with Body(house, plugins=plugins, backends=Backends(sensors=sensors)) as body:
         feedback = body.call("turn_in_place", yaw_deg=10).feedback
-    assert (feedback.proprioception is not None, feedback.tactile is not None) == told
+    assert (feedback.proprioception is not None, feedback.tactile is not None) == senses
     assert str(feedback).startswith("Executed turn_in_place(yaw_deg=10).")
-    assert ("hips" in str(feedback), "touch" in str(feedback)) == told
+    assert ("hips" in str(feedback), "touch" in str(feedback)) == senses
 
 
 def test_a_record_keeps_what_was_felt_as_values():

@@ -71,7 +71,7 @@ def test_a_port_that_is_taken_is_said_in_words(serving):
 def test_nothing_else_of_ours_listens():
     listens = re.compile(r"^(from|import) (http\.server|socketserver|uvicorn)", re.MULTILINE)
     files = (path for part in ("core", "plugins", "harnesses") for path in (ROOT / part).rglob("humanclaw*/**/*.py"))
-    found = {f"{path.parent.name}/{path.name}" for path in files if listens.search(path.read_text("utf-8"))}
+    servers = {f"{path.parent.name}/{path.name}" for path in files if listens.search(path.read_text("utf-8"))}
     # MCP and OpenEnv speak through libraries that listen themselves, for a bounded number of sessions.
     apart = {"humanclaw_mcp/command.py", "humanclaw_openenv/server.py"}
-    assert found == {"cli/serving.py", *apart}, "derive from humanclaw.cli.Server"
+    assert servers == {"cli/serving.py", *apart}, "derive from humanclaw.cli.Server"

@@ -57,8 +57,8 @@ def _disabled(folder, **more) -> str:
 @pytest.mark.integration
 def test_every_installed_skill_keeps_the_contract(plugins):
     assert plugins.disabled == {}
-    for one in plugins.skills.values():
-        assert check_skill(one, plugins.measures, engines=()) is one  # skills/*/tests play it on each engine
+    for item in plugins.skills.values():
+        assert check_skill(item, plugins.measures, engines=()) is item  # skills/*/tests play it on each engine
 
 
 def test_other_parameters_than_the_adapters_are_named(copy):

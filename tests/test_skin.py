@@ -126,8 +126,8 @@ def test_the_surface_lies_near_the_collision_shapes(looks):
     rest = rest_pose()
     vertices, _ = looks.posed(rest.root[0], rest.rotations[0])
     places, turns = forward_kinematics(rest.root[0], rest.rotations[0])
-    each = [distances(vertices, one, places[JOINT_INDEX[one.joint]], turns[JOINT_INDEX[one.joint]]) for one in LINKS]
-    away = np.abs(np.min(each, axis=0))
+    far = [distances(vertices, link, places[JOINT_INDEX[link.joint]], turns[JOINT_INDEX[link.joint]]) for link in LINKS]
+    away = np.abs(np.min(far, axis=0))
     # Collision shapes have neither shoulders, nor thumbs, nor a nose, nor hair.
     away = away[looks.regions != REGIONS.index("hair")]
     assert (away < 0.02).mean() > 0.84

@@ -21,7 +21,7 @@ from humanclaw.cli import LazyCommand, build
 from humanclaw.testing import check_skill
 
 ALL = list(snippets())
-CODE = [one for one in ALL if one.way != "text"]
+CODE = [block for block in ALL if block.way != "text"]
 NAMES = {tomllib.loads((folder / "pyproject.toml").read_text())["project"]["name"] for folder in distributions()}
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 
@@ -34,10 +34,10 @@ def command_line(plugins):
 @pytest.fixture(scope="session")
 def folders(tmp_path_factory):
     """Make a folder a page, with what it says to save; what one block writes, the next one may read."""
-    made = {page: tmp_path_factory.mktemp("page") for page in {one.page for one in ALL}}
-    for one in ALL:
-        if one.file:
-            (made[one.page] / one.file).write_text(one.code)
+    made = {page: tmp_path_factory.mktemp("page") for page in {block.page for block in ALL}}
+    for block in ALL:
+        if block.file:
+            (made[block.page] / block.file).write_text(block.code)
     return made
 
 
@@ -55,14 +55,14 @@ def _marked(snippet: Snippet):
 
 def test_every_block_says_how_it_is_run_and_why_not_always():
     assert len(ALL) > 60
-    assert {one.way for one in ALL} <= set(WAYS)
-    assert [str(one) for one in ALL if one.way != "always" and len(one.reason) < 10] == []
+    assert {block.way for block in ALL} <= set(WAYS)
+    assert [str(block) for block in ALL if block.way != "always" and len(block.reason) < 10] == []
     read = [path for path in pages() if path.relative_to(ROOT).as_posix() not in RUN_WHOLE]
     fences = sum(len(re.findall(r"^```", path.read_text("utf-8"), re.MULTILINE)) for path in read)
     assert fences == 2 * len(ALL)
 
 
-@pytest.mark.parametrize("snippet", [_marked(one) for one in CODE if one.language in ("", "bash", "python")])
+@pytest.mark.parametrize("snippet", [_marked(block) for block in CODE if block.language in ("", "bash", "python")])
 def test_it_runs(snippet, folders, command_line, plugins, monkeypatch):
     """In the order of the page: a block reads what the one above it has written."""
     monkeypatch.chdir(folders[snippet.page])
@@ -72,7 +72,7 @@ def test_it_runs(snippet, folders, command_line, plugins, monkeypatch):
         _commands_exist_and_run(snippet, command_line, plugins, monkeypatch)
 
 
-@pytest.mark.parametrize("snippet", [one for one in CODE if one.way == "slow"], ids=str)
+@pytest.mark.parametrize("snippet", [block for block in CODE if block.way == "slow"], ids=str)
 def test_a_slow_block_has_commands_and_options_that_there_are(snippet, folders, command_line, plugins, monkeypatch):
     test_it_runs(replace(snippet, way="never"), folders, command_line, plugins, monkeypatch)
 
@@ -97,10 +97,10 @@ def _registers(names, hooks):
         if hasattr(value, "humanclaw_impl"):
             setattr(plugin, name, value)
     plugins.add(plugin, "snippet")
-    (info,) = (one for one in plugins.infos if one.name == "snippet")
+    (info,) = (info for info in plugins.infos if info.name == "snippet")
     assert (info.error, dict(info.disabled), info.duplicates) == ("", {}, ())
-    for one in plugins.registered("skills"):
-        check_skill(one.value, plugins.measures, engines=())
+    for offer in plugins.registered("skills"):
+        check_skill(offer.value, plugins.measures, engines=())
     watching = {
         "humanclaw_chunk",
         "humanclaw_step",
@@ -137,8 +137,8 @@ def _check(words, command_line):
         _parse(command_line, words[1:])
     elif program == "pip" and words[1] == "install":
         ours = [Requirement(word) for word in words[2:] if word.startswith("humanclaw")]
-        assert {one.name for one in ours} <= NAMES
-        assert {extra for one in ours if one.name == "humanclaw" for extra in one.extras} <= set(EXTRAS)
+        assert {need.name for need in ours} <= NAMES
+        assert {extra for need in ours if need.name == "humanclaw" for extra in need.extras} <= set(EXTRAS)
     elif program == "torchrun":
         _check(words[words.index("--no-python") + 1 :], command_line)
     elif program == "make":
@@ -153,31 +153,31 @@ def _parse(command, words):
     """Parse a command line as click would, without carrying it out."""
     context = click.Context(command, info_name="humanclaw")
     while isinstance(command, click.Group) and not (command.invoke_without_command and not words):
-        name, found, words = command.resolve_command(context, list(words))
-        found = found.load() if isinstance(found, LazyCommand) else found
-        context, command = click.Context(found, parent=context, info_name=name), found
+        name, child, words = command.resolve_command(context, list(words))
+        child = child.load() if isinstance(child, LazyCommand) else child
+        context, command = click.Context(child, parent=context, info_name=name), child
     if not command.context_settings.get("ignore_unknown_options"):
-        known = {option for one in command.get_params(context) for option in (*one.opts, *one.secondary_opts)}
+        known = {option for param in command.get_params(context) for option in (*param.opts, *param.secondary_opts)}
         given = {word.partition("=")[0] for word in words if word.startswith("--")}
         assert given <= known, f"{command.name} has no {sorted(given - known)}"
 
 
-@pytest.mark.parametrize("snippet", [one for one in CODE if one.language in ("json", "toml")], ids=str)
+@pytest.mark.parametrize("snippet", [block for block in CODE if block.language in ("json", "toml")], ids=str)
 def test_data_can_be_read(snippet):
     assert (json.loads if snippet.language == "json" else tomllib.loads)(snippet.code)
 
 
 def test_no_block_is_in_another_language():
-    assert {one.language for one in CODE} <= {"", "bash", "python", "json", "toml"}
+    assert {block.language for block in CODE} <= {"", "bash", "python", "json", "toml"}
 
 
 @pytest.mark.integration
 def test_every_snippet_passes_mypy_strict(tmp_path):
     """By the settings of `make types`, whose cache spares half a minute. What a snippet calls my_... is untyped."""
-    python = [one for one in CODE if one.language == "python" and one.way in ("always", "slow")]
-    for one in python:
-        (tmp_path / (re.sub(r"\W", "_", str(one)) + ".py")).write_text(one.code)
-        for name in re.findall(r"^ *(?:from|import) (my_\w+)", one.code, re.MULTILINE):
+    python = [block for block in CODE if block.language == "python" and block.way in ("always", "slow")]
+    for block in python:
+        (tmp_path / (re.sub(r"\W", "_", str(block)) + ".py")).write_text(block.code)
+        for name in re.findall(r"^ *(?:from|import) (my_\w+)", block.code, re.MULTILINE):
             (tmp_path / f"{name}.pyi").write_text("from typing import Any\n\ndef __getattr__(name: str) -> Any: ...\n")
     paths = [
         ROOT / "core",
@@ -186,7 +186,7 @@ def test_every_snippet_passes_mypy_strict(tmp_path):
     ]
     examples = sorted((ROOT / "examples/hooks").glob("*.py"))
     command = [sys.executable, "-m", "mypy", *sorted(tmp_path.glob("*.py")), *examples]
-    found = os.environ | {"MYPYPATH": os.pathsep.join(map(str, paths))}
-    done = subprocess.run(command, cwd=ROOT, env=found, capture_output=True, text=True, check=False)
+    environment = os.environ | {"MYPYPATH": os.pathsep.join(map(str, paths))}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert len(python) > 10

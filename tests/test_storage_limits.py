@@ -116,7 +116,7 @@ def marked(data, place, value):
     [
         array((10**13,)),
         b"PK\x03\x04" + b"\0" * 40,
-        *(zipped({**WHOLE, "simulated_root.npy": one}) for one in NO_ARRAYS),
+        *(zipped({**WHOLE, "simulated_root.npy": array}) for array in NO_ARRAYS),
         zipped({**WHOLE, "object_x.npy": array((5, 7), b"\0" * 280)}),
         zipped({**WHOLE, "object_1.npy": array((4, 7), b"\0" * 224)}),
         zipped({**WHOLE, "object_1.npy": array((5, 2), b"\0" * 80)}),
@@ -193,8 +193,8 @@ def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(writer, full):
     for write in (lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(RECORD)):
         with pytest.raises(RecordError, match=r"cannot write the record to .*: No space left on device\."):
             write()
-    found = (writer.folder / "steps.jsonl").read_bytes()
-    assert [json.loads(line)["step"] for line in found.splitlines()] == [0, 1]
+    data = (writer.folder / "steps.jsonl").read_bytes()
+    assert [json.loads(line)["step"] for line in data.splitlines()] == [0, 1]
     assert not list(writer.folder.rglob("*.partial"))
     assert RecordedEpisode(writer.folder).record.outcome == "running"
 

@@ -78,8 +78,8 @@ def test_who_is_told_not_to_sit_is_not_asked_to(words, sits):
 @pytest.mark.parametrize("asked", ["couch", "sofa", "", "Sofa"])
 def test_targets_left_out_are_all_of_the_category(asked):
     spec = EpisodeSpec(id="mine", instruction="go to the sofa and sit on it", scene="test:rooms", target_category=asked)
-    found = targeted(spec, rooms.two_rooms())
-    assert (found.target_category, found.target_ids, found.interact) == ("couch", (20,), not asked)
+    task = targeted(spec, rooms.two_rooms())
+    assert (task.target_category, task.target_ids, task.interact) == ("couch", (20,), not asked)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_category_may_have_blanks():
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "message"),
     [
         ({"target_category": "piano"}, "episode 'mine' looks for a piano; test:rooms has none.*Choose from: .*couch"),
         ({"instruction": "find the tv", "target_ids": (20,)}, "names a tv; its target 20 is a couch.*target_category"),
@@ -116,7 +116,7 @@ def test_a_category_may_have_blanks():
         ({"target_ids": (99999,)}, "test:rooms has no object 99999, a target of episode 'mine'.*Leave out target_ids"),
     ],
 )
-def test_targets_that_the_scene_lacks_are_named(fields, told):
+def test_targets_that_the_scene_lacks_are_named(fields, message):
     spec = EpisodeSpec(**{"id": "mine", "instruction": "find it", "scene": "test:rooms"} | fields)
-    with pytest.raises(SceneError, match=f"(?s){told}"):
+    with pytest.raises(SceneError, match=f"(?s){message}"):
         targeted(spec, rooms.two_rooms())

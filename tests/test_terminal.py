@@ -42,7 +42,7 @@ ONE = re.compile(
 @pytest.fixture(scope="module")
 def tree():
     """Every command, by the words that lead to it."""
-    found = {}
+    commands = {}
 
     def walk(command, words):
         command = command.load() if isinstance(command, LazyCommand) else command
@@ -51,10 +51,10 @@ def tree():
             for name in command.list_commands(context):
                 walk(command.get_command(context, name), [*words, name])
         if not isinstance(command, click.Group) or command.invoke_without_command:
-            found[" ".join(words)] = command
+            commands[" ".join(words)] = command
 
     walk(build(Plugins.discover), [])
-    return found
+    return commands
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +78,10 @@ def test_a_command_that_prints_a_table_offers_json(tree, name):
         pytest.skip(f"{name} is not installed")
     command = tree[name]
     if command.context_settings.get("ignore_unknown_options"):  # It reads its own options.
-        told = CliRunner().invoke(build(Plugins.discover), [*name.split(), "--help"]).output
+        text = CliRunner().invoke(build(Plugins.discover), [*name.split(), "--help"]).output
     else:
-        told = " ".join(option for one in command.params for option in one.opts)
-    assert "--json" in told
+        text = " ".join(option for parameter in command.params for option in parameter.opts)
+    assert "--json" in text
 
 
 @pytest.mark.parametrize("name", [name for name, words in TABLES.items() if words is not None])
@@ -147,9 +147,9 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
     record_episode(run / "couch-0")
     record = RecordedEpisode(run / "couch-0").record
     write_record(run / "couch-0", record.model_copy(update={"agent": HOSTILE}))
-    told = shown(tmp_path, "bench", *words.replace("{}", run.name).split(" "), **environment)
-    assert "\\u202egnol" in told
-    assert not re.search("[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u202a-\u202e]|\x1b(?!\\[[0-9;]*m)", told)
+    output = shown(tmp_path, "bench", *words.replace("{}", run.name).split(" "), **environment)
+    assert "\\u202egnol" in output
+    assert not re.search("[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u202a-\u202e]|\x1b(?!\\[[0-9;]*m)", output)
 
 
 @pytest.mark.integration
@@ -158,10 +158,10 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
     [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")],
 )
 def test_a_status_is_one_line_and_prints_no_code_for_the_cursor(tmp_path, words, status):
-    told = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")
-    assert status in told
-    assert "\x1b[2K\x1b[1A" not in told
-    assert "\\u001b" not in told
+    output = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")
+    assert status in output
+    assert "\x1b[2K\x1b[1A" not in output
+    assert "\\u001b" not in output
 
 
 TALKING = """

@@ -28,7 +28,7 @@ def cases(name):
     if not marks:
         return [{}]
     names, values = marks[0].args
-    return [{names: one} if isinstance(names, str) else dict(zip(names, one, strict=True)) for one in values]
+    return [{names: value} if isinstance(names, str) else dict(zip(names, value, strict=True)) for value in values]
 
 
 def passes(suite, name, arguments):
@@ -41,9 +41,9 @@ def passes(suite, name, arguments):
 
 def test_a_world_without_dynamics_passes_what_needs_none():
     names = [name for name, _ in inspect.getmembers(SimulatorConformance, inspect.isfunction) if name[:5] == "test_"]
-    found = {name: [passes(Kinematic(), name, one) for one in cases(name)] for name in names if name not in SLOW}
-    assert len(found) > 30
-    assert {name for name, each in found.items() if any(each)} == {
+    passed = {name: [passes(Kinematic(), name, case) for case in cases(name)] for name in names if name not in SLOW}
+    assert len(passed) > 30
+    assert {name for name, each in passed.items() if any(each)} == {
         "test_a_start_may_lie_on_an_upper_floor_and_face_anywhere",
         "test_a_wall_does_not_turn_the_body",
         "test_stairs_carry_the_body_up",

@@ -37,33 +37,33 @@ def valid(kind, tools):
 
 def test_openai_takes_the_list(printed):
     chat = pytest.importorskip("openai.types.chat", reason="the package openai is not installed")
-    found = printed("openai")
-    assert valid(chat.ChatCompletionFunctionToolParam, found)
-    assert all(set(tool) == {"type", "function"} and tool["type"] == "function" for tool in found)
-    walk = named([tool["function"] for tool in found], "walk")
+    tools = printed("openai")
+    assert valid(chat.ChatCompletionFunctionToolParam, tools)
+    assert all(set(tool) == {"type", "function"} and tool["type"] == "function" for tool in tools)
+    walk = named([tool["function"] for tool in tools], "walk")
     assert set(walk) == {"name", "description", "parameters"}
     assert tuple(walk["parameters"]["properties"])[:5] == SAID
     assert walk["parameters"]["properties"]["z_cm"]["type"] == "integer"
 
 
 def test_anthropic_takes_the_list(printed):
-    found = printed("anthropic")
-    walk = named(found, "walk")
+    tools = printed("anthropic")
+    walk = named(tools, "walk")
     assert set(walk) == {"name", "description", "input_schema"}
     assert walk["input_schema"]["type"] == "object"
     assert walk["input_schema"]["required"] == [*SAID, "z_cm"]
     types = pytest.importorskip("anthropic.types", reason="the package anthropic is not installed")
-    assert valid(types.ToolParam, found)
+    assert valid(types.ToolParam, tools)
 
 
 def test_gemini_takes_the_list(printed):
-    (tool,) = found = printed("gemini")
+    (tool,) = tools = printed("gemini")
     walk = named(tool["functionDeclarations"], "walk")
     assert walk["parameters"]["propertyOrdering"][:5] == list(SAID)
     assert "additionalProperties" not in walk["parameters"]
     types = pytest.importorskip("google.genai.types", reason="the package google-genai is not installed")
     declared = (
-        TypeAdapter(list[types.Tool]).validate_python(found)[0].function_declarations
+        TypeAdapter(list[types.Tool]).validate_python(tools)[0].function_declarations
     )  # It forbids unknown fields.
     read = next(each for each in declared if each.name == "walk").parameters
     assert (read.type, read.properties["z_cm"].type, read.properties["z_cm"].maximum) == ("OBJECT", "INTEGER", 80)
@@ -75,10 +75,10 @@ def test_gemini_is_sent_no_object_without_properties(printed):
 
 
 def test_mcp_gets_the_result_of_a_listing(printed):
-    found = printed("mcp")
-    assert set(named(found["tools"], "walk")["inputSchema"]["properties"]) == {"x_cm", "z_cm", "yaw_deg"}
+    listing = printed("mcp")
+    assert set(named(listing["tools"], "walk")["inputSchema"]["properties"]) == {"x_cm", "z_cm", "yaw_deg"}
     types = pytest.importorskip("mcp_types", reason="the package mcp is not installed")
-    assert {"walk", "stop"} <= {tool.name for tool in types.ListToolsResult.model_validate(found).tools}
+    assert {"walk", "stop"} <= {tool.name for tool in types.ListToolsResult.model_validate(listing).tools}
 
 
 @pytest.mark.parametrize("form", ["openai", "anthropic", "gemini", "mcp"])

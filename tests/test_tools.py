@@ -80,10 +80,10 @@ def test_without_the_mid_level_its_fields_are_not_asked_for():
     ],
 )
 def test_every_format_holds_every_skill_with_its_bounds(form, read):
-    found = read(tool_list([STEP, TURN], form, reasoning=False))
-    assert [name for name, _ in found] == ["step", "turn"]
-    assert found[1][1]["properties"]["yaw_deg"] == TURN.schema["properties"]["yaw_deg"]
-    json.dumps(found, allow_nan=False)
+    tools = read(tool_list([STEP, TURN], form, reasoning=False))
+    assert [name for name, _ in tools] == ["step", "turn"]
+    assert tools[1][1]["properties"]["yaw_deg"] == TURN.schema["properties"]["yaw_deg"]
+    json.dumps(tools, allow_nan=False)
 
 
 def test_gemini_gets_no_word_that_it_does_not_know():

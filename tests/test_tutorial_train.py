@@ -23,17 +23,17 @@ def commands() -> list[str]:
 
 
 def test_the_page_leads_from_a_distribution_to_a_wheel():
-    told = " ".join(commands())
+    text = " ".join(commands())
     steps = "humanclaw play, humanclaw new, data chunks, train adapter, fidelity, cards, pip wheel, humanclaw skills"
     for step in steps.split(", "):
-        assert step in told
+        assert step in text
 
 
 @pytest.mark.evidence
 def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
     environment = like_this(tmp_path / "environment")
     (tmp_path / "skills").symlink_to(PAGE.parents[1] / "skills")
-    folder, told = tmp_path, ""
+    folder, output = tmp_path, ""
     for command in commands()[1:]:  # Of the first one this environment is the result.
         if command.startswith("cd "):
             folder = folder / command[3:]
@@ -42,8 +42,8 @@ def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
             continue
         done = subprocess.run(command, shell=True, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
         assert done.returncode == 0, f"{command}\n{done.stdout}"
-        told = done.stdout
-    assert '"squat"' in told
+        output = done.stdout
+    assert '"squat"' in output
     (row,) = json.loads((tmp_path / SKILL / "fidelity.json").read_text())["rows"]
     assert abs(row["generated"]["mean"] - 1) < 0.05
     assert row["generated"]["std"] < 0.06

@@ -82,12 +82,12 @@ SPOILT = {
 
 @pytest.mark.parametrize("how", SPOILT)
 def test_a_file_that_is_no_whole_checkpoint_is_refused(base, base_file, walk_file, tmp_path, how):
-    spoil, told = SPOILT[how]
+    spoil, message = SPOILT[how]
     for whole, load in ((base_file, load_base), (walk_file, lambda path: load_adapter(path, base, "walk"))):
         path = tmp_path / whole.name
         path.write_bytes(whole.read_bytes())
         spoil(path)
-        with pytest.raises(CheckpointError, match=told):
+        with pytest.raises(CheckpointError, match=message):
             load(path)
 
 

@@ -22,8 +22,8 @@ def generator(base):
     return DiTGenerator(base, MotionProfile(Solver("midpoint", 2)))
 
 
-def _same(one: Motion, other: Motion, tolerance: float = 0.0) -> bool:
-    near = (np.abs(one.root - other.root).max(), np.abs(one.rotations - other.rotations).max())
+def _same(motion: Motion, other: Motion, tolerance: float = 0.0) -> bool:
+    near = (np.abs(motion.root - other.root).max(), np.abs(motion.rotations - other.rotations).max())
     return max(near) <= tolerance
 
 

@@ -24,7 +24,7 @@ def turned(degrees: float) -> Motion:
 
 
 def after(course: HeadingCorrection, skill, commanded: float, achieved: float) -> HeadingCorrection:
-    values = {one.name: commanded * DEGREE if one.measure == "heading.left" else 0.0 for one in skill.parameters}
+    values = {param.name: commanded * DEGREE if param.measure == "heading.left" else 0.0 for param in skill.parameters}
     return course.after(skill, values, STANDING, turned(achieved))
 
 

@@ -49,8 +49,8 @@ def _outcome(skill: str, motion: Motion) -> dict[str, float]:
     """What a chunk achieves of each parameter, by the measures that the skill's schema declares."""
     parameters = Skill.from_folder(_adapter(skill).parent).parameters
     chunk = Pose2D.of_history(motion[:HISTORY]).to_local(motion)
-    found = outcomes(parameters, chunk.root[None], chunk.rotations[None])[0]
-    return {one.name: value for one, value in zip(parameters, found, strict=True)}
+    values = outcomes(parameters, chunk.root[None], chunk.rotations[None])[0]
+    return {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
 
 
 def test_an_episode_starts_upright_and_still_on_the_floor(generator):
@@ -169,9 +169,9 @@ def test_short_steps_straight_ahead_begin_with_one_foot(generator):
 
 def _told(skill: str, pattern: str) -> tuple[int, ...]:
     """The numbers of a phrase in a skill's description."""
-    found = re.search(pattern, json.loads((_adapter(skill).parent / "schema.json").read_text())["description"])
-    assert found, f"{skill} does not say {pattern!r}"
-    return tuple(int(number) for number in found.groups())
+    match = re.search(pattern, json.loads((_adapter(skill).parent / "schema.json").read_text())["description"])
+    assert match, f"{skill} does not say {pattern!r}"
+    return tuple(int(number) for number in match.groups())
 
 
 def _ahead(generator: DiTGenerator, *calls: tuple[str, dict[str, float]], seed: int) -> float:
@@ -194,7 +194,7 @@ def test_a_body_coasts_as_far_as_the_description_says_and_no_further(generator, 
 def test_after_a_step_back_a_body_coasts_as_far_as_described(generator, skill):
     (most,) = _told("step_back", r"coast (\d+) cm more")
     for back in (0.25, 0.45):
-        coasted = [-_ahead(generator, ("step_back", {"z": back}), (skill, COMMANDS[skill]), seed=one) for one in (0, 1)]
+        coasted = [-_ahead(generator, ("step_back", {"z": back}), (skill, COMMANDS[skill]), seed=run) for run in (0, 1)]
         assert 0.3 * most < min(coasted) <= max(coasted) <= most
 
 

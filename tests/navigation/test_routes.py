@@ -239,7 +239,7 @@ def test_two_places_above_one_another_are_as_far_as_the_stairs() -> None:
 
 def test_storeys_without_stairs_are_apart() -> None:
     whole = two_storeys()
-    kept = tuple(one for one in whole.objects if one.asset != "stairs")
+    kept = tuple(obj for obj in whole.objects if obj.asset != "stairs")
     assert geodesic(MultiFloorMap.of(replace(whole, objects=kept)), FOOT, HEAD) == np.inf
 
 
@@ -253,7 +253,7 @@ def test_steps_higher_than_a_leg_can_lift_are_no_stairs() -> None:
 def test_stairs_need_no_label() -> None:
     whole = two_storeys()
     plain = {name: replace(kind, category="stage") for name, kind in whole.assets.items()}
-    unnamed = replace(whole, assets=plain, objects=tuple(replace(one, category="stage") for one in whole.objects))
+    unnamed = replace(whole, assets=plain, objects=tuple(replace(obj, category="stage") for obj in whole.objects))
     assert geodesic(MultiFloorMap.of(unnamed), FOOT, HEAD) == geodesic(MultiFloorMap.of(whole), FOOT, HEAD)
 
 

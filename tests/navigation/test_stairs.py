@@ -109,6 +109,6 @@ def test_a_map_from_the_cache_is_the_map_drawn_for_another_start(
 
 
 def assert_same(drawn: MultiFloorMap, kept: MultiFloorMap) -> None:
-    for one, other in zip(drawn.grids, kept.grids, strict=True):
+    for grid, other in zip(drawn.grids, kept.grids, strict=True):
         for name in ("blocked", "movable", "owners", "tops", "ground", "cost"):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+            np.testing.assert_array_equal(getattr(grid, name), getattr(other, name))
