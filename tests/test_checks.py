@@ -1,6 +1,7 @@
 """Every named check of a skill: a legal skill of each kind passes them all, and for each there is one that fails it."""
 
 import json
+import re
 import runpy
 import shutil
 import threading
@@ -574,6 +575,7 @@ def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, chec
     [
         (((0, 0, 0), (0, -1.4)), r"key 2 of head is \(0, -1\.4\); expected three finite numbers, got 2"),
         ((0.5, 0), "key 1 of head is 0.5; expected three finite numbers, got 1"),
+        (0.5, "key 1 of head is 0.5; expected three finite numbers, got 1"),
         (((0, 0, 0), (0, None, 0)), r"key 2 of head is \(0, None, 0\); .*, got 2"),
         (((0, 0, 0), (0, 0, 0, 0)), r"key 2 of head .*, got 4"),
     ],
@@ -581,6 +583,16 @@ def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, chec
 def test_a_key_without_three_numbers_is_told_with_its_place(keys, message):
     with pytest.raises(MotionError, match=message):
         Keyframes((0.0, 0.5), {"head": keys})
+
+
+@pytest.mark.parametrize("times", [0.5, "0 1", ("0", "1"), None])
+def test_times_that_are_no_numbers_in_a_row_are_refused(times):
+    with pytest.raises(MotionError, match=rf"times are seconds in a row, .* got {re.escape(repr(times))}"):
+        Keyframes(times, {"head": ((0, 0, 0), (0, 0.5, 0))})
+
+
+def test_times_may_be_an_array():
+    assert Keyframes(np.array([0.0, 0.5]), {"head": np.zeros((2, 3))}).seconds == 0.5
 
 
 def test_degrees_in_place_of_radians_are_suspected():

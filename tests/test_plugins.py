@@ -17,7 +17,7 @@ from hosting import host_of, plugin, raising, write_distribution
 from humanclaw import Choice, Keyframes, Plugins, skill
 from humanclaw.cli import LazyCommand, build
 from humanclaw.episodes.recorder import skill_infos
-from humanclaw.errors import PluginError
+from humanclaw.errors import PluginError, SceneError
 from humanclaw.plugins import API_VERSION
 from humanclaw.plugins.host import Modules
 
@@ -381,6 +381,17 @@ def test_a_hook_on_its_way_out_is_told_of_and_still_works():
     plugins.add(plugin(hats=[("top", 1)]), "hatter")
     assert plugins.infos[-1].notes == ("use humanclaw_caps",)
     assert [offer.name for offer in plugins.registered("hats")] == ["top"]
+
+
+def test_a_file_without_a_hook_is_told(tmp_path, caplog):
+    (tmp_path / "mine.py").write_text("def wave(): ...")
+    Plugins.discover([tmp_path / "mine.py"])
+    assert f"plugin file {tmp_path / 'mine.py'} has no hook, so it registers nothing." in caplog.text
+
+
+def test_a_scene_that_does_not_say_which_is_told_so():
+    with pytest.raises(SceneError, match=r"scene 'house' says not which house\. Use house:0 to"):
+        Plugins.discover().scene("house")
 
 
 def test_a_second_plugin_of_one_name_is_refused():

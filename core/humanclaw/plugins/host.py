@@ -34,7 +34,16 @@ import pluggy
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from humanclaw.errors import ANSWERING, FactoryError, HumanclawError, PluginError, RecordError, by_hand, in_words
+from humanclaw.errors import (
+    ANSWERING,
+    FactoryError,
+    HumanclawError,
+    PluginError,
+    RecordError,
+    SceneError,
+    by_hand,
+    in_words,
+)
 from humanclaw.plugins import distributions, hookspecs
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner, means
 from humanclaw.plugins.hookspecs import noun
@@ -144,6 +153,8 @@ class Plugins:
                 raise PluginError(f"plugin file {path}: {reason}")
             _LOG.warning("plugin file %s: %s", path, reason)
         self._refuse_taken_names(name, path)
+        if not self.hooks(name):
+            _LOG.warning("plugin file %s has no hook, so it registers nothing. Write one with @hookimpl.", path)
         for hook in self.idle_hooks(name):
             _LOG.warning("plugin file %s: %s registers nothing. Call register(...) in it.", path, hook)
 
@@ -378,7 +389,12 @@ class Plugins:
         longer, _, rest = argument.partition(":")
         if source not in self._first("scenes") and self._get("scenes", f"{source}:{longer}"):
             source, argument = f"{source}:{longer}", rest
-        return self.make("scenes", source, argument)
+        try:
+            return self.make("scenes", source, argument)
+        except SceneError as error:
+            if argument:
+                raise
+            raise SceneError(f"scene {reference!r} says not which {source}.", error.remedy) from error
 
     def require(self, *wanted: tuple[str, str]) -> None:
         """Raise PluginError if a (kind, name) is not installed, with the one line that installs all that are

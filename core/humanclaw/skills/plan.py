@@ -84,9 +84,9 @@ class Keyframes:
         self._check_times()
         check_duration(self.times[-1], "keyframes")
         for joint, keys in {**self.rotations, **({"root": self.root} if len(self.root) else {})}.items():
+            _check_keys(joint, keys if isinstance(keys, Sequence | np.ndarray) else (keys,))
             if len(keys) != len(self.times):
                 raise MotionError("keyframes-times", f"{joint} has {len(keys)} keys for {len(self.times)} times")
-            _check_keys(joint, keys)
             most = 0.0 if joint == "root" else np.abs(keys).max()
             if most > WHOLE_TURN:
                 raise MotionError("keyframes-finite", f"{joint} has a key of {most:g}; keys are radians, not degrees")
@@ -95,7 +95,9 @@ class Keyframes:
                 raise MotionError("keyframes-finite", reason)
 
     def _check_times(self) -> None:
-        rising = bool(self.times) and all(np.diff(self.times) > 0)
+        if not isinstance(self.times, Sequence | np.ndarray) or not all(isinstance(time, Real) for time in self.times):
+            raise MotionError("keyframes-times", f"times are seconds in a row, (0.0, 0.5); got {self.times!r:.60}")
+        rising = len(self.times) > 0 and all(np.diff(self.times) > 0)
         if self.absolute and not (rising and self.times[0] > 0):
             raise MotionError("keyframes-times", f"absolute keys begin above 0 s and increase; got {self.times[:9]}")
         if not self.absolute and (len(self.times) < 2 or self.times[0] != 0 or not rising):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from inspect import getdoc, isfunction, signature
+from inspect import getdoc, iscoroutinefunction, isfunction, signature
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:
 
     The function gets the record of a finished episode and returns whether it succeeded. `--split` takes its name; the
     first line of its docstring explains a failure. Raises PluginError for anything but EpisodeSpecs, and for a function
-    that cannot be called with one argument.
+    that has no name (a lambda, a partial), that is async, or that cannot be called with one argument.
     """
     from humanclaw import EpisodeSpec, PluginError  # Here: lists of commands load this file.
 
@@ -54,12 +54,19 @@ def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:
             raise PluginError(f"@task {got}.", remedy)
 
     def made(success: Success) -> Task:
+        name = getattr(success, "__name__", "")
+        remedy = f"Write def {name if name.isidentifier() else 'NAME'}(episode: RecordedEpisode) -> bool."
+        if not name.isidentifier():
+            got = reprlib.repr(success)
+            raise PluginError(f"a success function has a name, by which --split finds it; got {got}.", remedy)
+        if iscoroutinefunction(success):
+            raise PluginError(f"a success function is not awaited; {name} is async.", remedy)
         try:
             signature(success).bind(None)
         except TypeError as error:
-            message = f"a success function takes one argument, the episode; {success.__name__} does not: {error}."
-            raise PluginError(message, f"Write def {success.__name__}(episode: RecordedEpisode) -> bool.") from None
-        name, (about, _, _) = success.__name__, (getdoc(success) or "").partition("\n")
+            message = f"a success function takes one argument, the episode; {name} does not: {error}."
+            raise PluginError(message, remedy) from None
+        about, _, _ = (getdoc(success) or "").partition("\n")
         return Task(name, about, tuple(spec.model_copy(update={"success": name}) for spec in episodes), success)
 
     return made

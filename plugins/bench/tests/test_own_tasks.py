@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import shutil
+from functools import partial
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -189,7 +190,10 @@ def test_a_page_judges_each_episode_once(run, file, caplog):
 
 @pytest.mark.parametrize("yes", [True, np.True_])
 def test_true_of_python_and_of_numpy_is_a_success(yes):
-    assert task()(lambda episode: yes)([]) is True
+    def agreed(episode):
+        return yes
+
+    assert task()(agreed)([]) is True
 
 
 @pytest.mark.parametrize(
@@ -216,6 +220,20 @@ def test_a_function_that_never_returns_ends_the_table(run, file, monkeypatch):
 def test_a_task_of_anything_but_episodes_is_refused(given, fault):
     with pytest.raises(HumanclawError, match=rf"@task {fault}.*Write @task\(EpisodeSpec"):
         task(given)
+
+
+@pytest.mark.parametrize("nameless", [lambda episode: True, partial(max, default=True), 5])
+def test_a_success_function_without_a_name_is_refused(nameless):
+    with pytest.raises(HumanclawError, match=r"has a name, by which --split finds it; got .*Write def NAME\("):
+        task()(nameless)
+
+
+def test_an_async_success_function_is_refused():
+    async def late(episode):
+        return True
+
+    with pytest.raises(HumanclawError, match=r"not awaited; late is async\. Write def late\(episode"):
+        task()(late)
 
 
 @pytest.mark.parametrize("arguments", ["", "self, episode"])
