@@ -4,6 +4,7 @@ import errno
 import io
 import json
 import os
+import re
 import tracemalloc
 import zipfile
 
@@ -61,6 +62,26 @@ def test_a_key_that_is_there_twice_in_an_episode_is_named(tmp_path):
 def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
     (tmp_path / "split.jsonl").write_bytes(SPEC.model_dump_json().encode() + b"\n\xff\xfe\n")
     with pytest.raises(HumanclawError, match=r"split.jsonl:2 is not an episode: (.|\n)*target_category"):
+        read_episodes(tmp_path / "split.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"id": "a b"}, "id: ' ' is not allowed in it."),
+        ({"target_ids": ["couch"]}, "target_ids.0: expected a whole number; got 'couch'."),
+        ({"start": [1, 2, 3]}, "start: expected a Pose2D, or an object of its fields; got [1, 2, 3]."),
+    ],
+)
+def test_a_wrong_field_of_a_split_is_told_with_what_it_takes(tmp_path, changed, told):
+    (tmp_path / "split.jsonl").write_text(json.dumps(json.loads(SPEC.model_dump_json()) | changed))
+    with pytest.raises(HumanclawError, match=re.escape(f"split.jsonl:1 is not an episode: {told}")):
+        read_episodes(tmp_path / "split.jsonl")
+
+
+def test_a_line_in_single_quotes_is_told_of_the_double_ones(tmp_path):
+    (tmp_path / "split.jsonl").write_text("{'id': 'a'}")
+    with pytest.raises(HumanclawError, match=r"split.jsonl:1 .*JSON takes names and texts in double quotes"):
         read_episodes(tmp_path / "split.jsonl")
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+import reprlib
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from humanclaw.text.words import did_you_mean
@@ -30,6 +32,10 @@ def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return values
 
 
+_PARSED: Final = {"int_parsing": "a whole number", "float_parsing": "a number", "bool_parsing": "true or false"}
+"""What was to be read from a text, by pydantic's type of the fault."""
+
+
 def first_fault(error: ValidationError, known: Iterable[str] = ()) -> str:
     """Return the first message of pydantic, after the field that it is about: "spec.seed: Input should be ...".
 
@@ -38,7 +44,22 @@ def first_fault(error: ValidationError, known: Iterable[str] = ()) -> str:
     faults = error.errors(include_url=False)
     first = next((fault for fault in faults if known and fault["type"] == "extra_forbidden"), faults[0])
     where = ".".join(map(str, first["loc"]))
-    what = first["msg"].removeprefix("Value error, ")
+    what = _plain(first)
     if first["type"] == "extra_forbidden" and (near := did_you_mean(where, known)):
         what = f"there is no such field ({near})"
     return f"{where}: {what}" if where else what
+
+
+def _plain(fault: Mapping[str, Any]) -> str:
+    """Return what was expected and what came; pydantic's own words where they say it."""
+    kind, came, context = fault["type"], fault["input"], fault.get("ctx", {})
+    if kind in _PARSED:
+        return f"expected {_PARSED[kind]}; got {reprlib.repr(came)}"
+    if kind == "dataclass_type":
+        return f"expected a {context['class_name']}, or an object of its fields; got {reprlib.repr(came)}"
+    if kind == "string_pattern_mismatch":
+        odd = next((letter for letter in came if re.search(context["pattern"], came.replace(letter, ""))), "")
+        return f"{odd!r} is not allowed in it" if odd else str(fault["msg"])
+    quoted = kind == "json_invalid" and context["error"].startswith(("key must be", "expected value"))
+    hint = ". JSON takes names and texts in double quotes, and numbers, true, false and null" if quoted else ""
+    return str(fault["msg"]).removeprefix("Value error, ") + hint

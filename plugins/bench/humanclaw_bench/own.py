@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from inspect import getdoc, iscoroutinefunction, isfunction, signature
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -32,10 +33,26 @@ class Task:
     def __call__(self, episode: RecordedEpisode) -> bool:
         import numpy as np  # Here: lists of commands load this file.
 
-        done = self.success(episode)
+        try:
+            done = self.success(episode)
+        except AttributeError as error:
+            raise AttributeError(f"{error}{_meant(error)}").with_traceback(error.__traceback__) from None
         if not isinstance(done, bool | np.bool_):  # A distance, say, would count as a success.
             raise TypeError(f"{self.name} returned {done!r}; return True or False")
         return bool(done)
+
+
+def _meant(error: AttributeError) -> str:
+    """Return where what an episode, a record or a step was asked for is held; empty if nothing has such a name."""
+    from humanclaw import RecordedEpisode  # Here: lists of commands load this file.
+
+    held = {name: name for name in dir(error.obj) if not name.startswith("_")}
+    if isinstance(error.obj, RecordedEpisode):
+        record = error.obj.record
+        held = {name: f"record.spec.{name}" for name in type(record.spec).model_fields} | held
+        held = {name: f"record.{name}" for name in type(record).model_fields} | held
+    near = get_close_matches(str(error.name), held, 1)
+    return f"; did you mean {held[near[0]]}?" if near else ""
 
 
 def task(*episodes: EpisodeSpec) -> Callable[[Success], Task]:

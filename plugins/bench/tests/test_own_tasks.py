@@ -152,11 +152,23 @@ def test_a_task_is_still_the_function_that_it_decorates():
     assert (short.name, short.description) == ("short", "Take few steps.")
 
 
+LACKS = "AttributeError: {!r} object has no attribute {!r}; did you mean {}?"
+
+
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
         ("5.2", "TypeError: stopped_ahead returned 5.2; return True or False."),
         ("None", "TypeError: stopped_ahead returned None; return True or False."),
+        (
+            "episode.outcome",
+            "AttributeError: 'RecordedEpisode' object has no attribute 'outcome'; did you mean record.outcome? "
+            "(FILE, line 13).",
+        ),
+        (
+            "last.statis",
+            "AttributeError: 'StepRecord' object has no attribute 'statis'; did you mean status? (FILE, line 13).",
+        ),
         ('{}["x"]', "KeyError: 'x' (FILE, line 13)."),
     ],
 )
