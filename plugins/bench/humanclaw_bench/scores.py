@@ -296,7 +296,7 @@ def _motion_scores(recorded: RecordedEpisode) -> dict[str, Any]:
     displaced = displacements(since, moved)
     return {
         "displaced": len(displaced),
-        "displacement": sum(displaced),
+        "displacement": float(sum(displaced)),
         "disturbed": len(since),
         "disturbed_path": disturbed_path(since, moved),
         "jerk": pelvis_jerk(motion),

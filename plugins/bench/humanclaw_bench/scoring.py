@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, fields, replace
@@ -12,9 +14,11 @@ from pathlib import Path
 from traceback import extract_tb, format_exception_only
 from typing import Final, TypeAlias
 
+from pydantic import ConfigDict, TypeAdapter
 from tqdm import tqdm
 
 from humanclaw import EpisodeSpec, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw.storage import Cache, source_digest
 from humanclaw.testing import OverdueError, bounded
 from humanclaw_bench import own
 from humanclaw_bench.attribution import also, attribute
@@ -35,6 +39,8 @@ COLLISIONS: Final = "collisions_"
 _SECONDS: Final = 60.0
 """Time that a function of a plugin has for an episode: a loop without end must not hold up a run for ever."""
 _REMEDY: Final = "Mend it, then score the run again."
+_KEPT: Final = TypeAdapter(dict[str, Scores], config=ConfigDict(ser_json_inf_nan="constants"))
+"""Scores by the seal of their record."""
 _LOG: Final = logging.getLogger("humanclaw")
 
 
@@ -92,16 +98,37 @@ def _with_extra(recorded: RecordedEpisode, scores: Scores, cause: Cause | None, 
     return scores, Cause("task", f"not met: {about}", "task")
 
 
-# Scoring takes a minute a thousand episodes; the tables of a run and its page need the same.
+# The tables of a run and its page need the same.
 @lru_cache(2)
 def _scored(episodes: tuple[RecordedEpisode, ...], name: str) -> tuple[Scored, ...]:
-    pairs = []
+    """Score records, but for those that this code scored before. Causes follow from the scores in no time."""
+    cache, key, now, pairs = Cache("scores", limit=1 << 26), _kept_as(episodes), dict[str, Scores](), []
+    before = _KEPT.validate_json(cache.get(key) or b"{}")
     for recorded in with_progress(episodes, f"scoring {name}"):
-        scores = score(recorded)
+        seal = _seal(recorded)
+        scores = before.get(seal) or score(recorded)
+        if seal:
+            now[seal] = scores
         cause = attribute(recorded, scores)
         further = "; ".join(other.label for other in also(recorded, cause, scores))
         pairs.append((replace(scores, also=further), cause))
+    if now.keys() - before.keys():
+        cache.put(key, _KEPT.dump_json(now))
     return tuple(pairs)
+
+
+def _kept_as(episodes: Sequence[RecordedEpisode]) -> str:
+    """Return the key of the scores of a run: its folder and the code, so that changed code scores anew."""
+    homes = sorted({os.path.realpath(recorded.folder.parent) for recorded in episodes})
+    code = source_digest(("humanclaw", "humanclaw_bench"), ("numpy",))
+    return hashlib.sha256(os.fsencode("\n".join([code, *homes]))).hexdigest()
+
+
+def _seal(recorded: RecordedEpisode) -> str:
+    """Return what tells an episode from any other; empty if its scores follow from files that its seal misses."""
+    record = recorded.record
+    whole = "motion.npz" in record.files and not record.company and record.spec.partner is None
+    return record.seal if whole else ""
 
 
 @dataclass(frozen=True)
