@@ -30,9 +30,9 @@ FEW = ("walk", "turn_in_place", "stop")
     ],
 )
 def test_one_line_installs_the_skills_that_the_tasks_need(tmp_path, split, names, folders):
-    told = CliRunner().invoke(bench, ["run", "--split", split, "--agent", "random", "--out", str(tmp_path / "run")])
-    assert isinstance(told.exception, PluginError)
-    message, remedy = told.exception.message, told.exception.remedy
+    result = CliRunner().invoke(bench, ["run", "--split", split, "--agent", "random", "--out", str(tmp_path / "run")])
+    assert isinstance(result.exception, PluginError)
+    message, remedy = result.exception.message, result.exception.remedy
     assert message.startswith("these episodes cannot be solved: ")
     assert all(f"skill {name!r}" in message for name in names)
     command = remedy.removeprefix("Run `pip install ").removesuffix("`.").split()
