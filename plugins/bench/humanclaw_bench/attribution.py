@@ -139,6 +139,7 @@ def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> f
 def _walks(record: EpisodeRecord, step: StepRecord) -> bool:
     """Return whether a step commands locomotion of at least JAMMED_MOVE: the rule must not call a pause a jam."""
     asked = _asks(record, step, _MOVES)
+    # Centimetres turned into metres may fall short of .1 by a rounding.
     return asked is not None and asked >= JAMMED_MOVE - 1e-9
 
 

@@ -129,7 +129,9 @@ def _above(scene: Scene) -> Camera:
     """Return a camera far above a house, with all rooms in its picture; +X is right and +Z down."""
     corners = np.array([[(room.x0, room.z0), (room.x1, room.z1)] for room in scene.rooms])
     low, high = corners.min((0, 1)), corners.max((0, 1))
+    # From so far that the rays are nearly parallel.
     (x, z), metres = (low + high) / 2, 80.0
+    # Half the longer side is .5: the rest is a margin.
     fov = float(np.degrees(2 * np.arctan(0.56 * (high - low).max() / metres)))
     down, north = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])
     return Camera(np.array([x, metres, z]), down, north, fov, _FINE * SIDE, _FINE * SIDE)

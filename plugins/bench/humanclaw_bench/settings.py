@@ -158,4 +158,5 @@ def _difference(key: str, recorded: Any, wanted: Any) -> str:
 
 def _short(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
+    # A SHA-256, of which a dozen digits tell enough.
     return text[:12] if len(text) == 64 else text

@@ -190,6 +190,7 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
     rows = np.array([row for row, *_ in hard] + [row for row, _ in soft], float)
     table = np.concatenate([rows, np.concatenate([np.zeros((len(hard), 2 * len(soft))), slack])], 1)
     wanted = [share * quota.total for _, share in soft]
+    # Half an episode, because a share of them is rarely a whole number.
     slack_free = TOLERANCE * quota.total + 0.5
     limits = scipy.optimize.LinearConstraint(
         scipy.sparse.csr_array(table),
@@ -295,6 +296,7 @@ def secret_houses(secret: int) -> tuple[str, ...]:
     They are training houses with numbers of a million and more, so that nobody trains in them by chance.
     """
     rng = np.random.default_rng([secret, 1])
+    # Up to house 999,999,999: numbers of houses have nine digits at most.
     numbers = rng.choice(999_000_000, len(HOUSES), replace=False) + HIDDEN_HOUSES
     return tuple(f"house:train-{number}" for number in sorted(numbers.tolist()))
 

@@ -32,6 +32,7 @@ ALIKE: Final = 0.95
 """Largest intraclass correlation of a house's episodes that intervals allow for."""
 EXTREME: Final = 12.0
 """Largest logit of a chance: the search for a bound ends there."""
+# Not from 0, where the weight of the beta distribution is infinite (_likelihood).
 _CORRELATIONS: Final = np.concatenate([[1e-4], np.linspace(0.01, ALIKE, 40)])
 _BELIEF: Final = 0.15 * np.log(_CORRELATIONS)
 """Logarithm of the weight of each. Chosen by the coverage of rates of 1 % in plugins/bench/tests/house_effect.py."""
@@ -112,6 +113,7 @@ def _profile_interval(drawn: Array) -> tuple[float, float]:
         return _likelihood(float(expit(place)), drawn)
 
     share = float(drawn[:, 0].sum() / drawn[:, 1].sum())
+    # One within the ends, because the best is looked for up to one logit away.
     centre = float(np.clip(logit(share), 1 - EXTREME, EXTREME - 1))
     best = scipy.optimize.minimize_scalar(lambda x: -fit(x), bounds=(centre - 1, centre + 1), options={"xatol": 1e-3})
     least = -best.fun - _student_quantile(len(drawn) - 1) ** 2 / 2
@@ -132,6 +134,7 @@ def _likelihood(share: float, drawn: Array) -> float:
 
 def _crossing(excess: Callable[[float], float], inside: float, end: float) -> float:
     """Return where a function falls below 0 on the way to an end; the end if nowhere."""
+    # A thousandth of a logit is at most a fortieth of a per cent of a rate.
     return float(scipy.optimize.brentq(excess, inside, end, xtol=1e-3)) if excess(end) < 0 else end
 
 

@@ -27,6 +27,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 
 def replay_options(command: F) -> F:
     """Add the options for playing recorded calls again."""
+    # More episodes than any run has.
     every = 10**6
     about = "Also play the recorded calls of N episodes again (default: all) and compare every field of every step."
     drawn = "Draws the N episodes that are played again; the default is new each time."

@@ -156,6 +156,7 @@ class HouseTasks:
         raise TaskError(problem, "Draw from more houses, or of another difficulty or category.")
 
     def _places(self, seed: int) -> Iterator[tuple[House, np.random.Generator]]:
+        # Two streams: seeds that share a house must not share its tasks.
         houses = np.random.default_rng([seed // TOGETHER, 31])
         for attempt in range(TRIES):
             number = self._options.first + int(houses.integers(self._options.houses))

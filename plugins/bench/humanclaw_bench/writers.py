@@ -189,6 +189,7 @@ def compared(column: Column, difference: Difference) -> tuple[str, ...]:
     change = Estimate(difference.value, difference.low, difference.high, difference.count)
     sign = "+" if difference.value > 0 else ""
     values = (column.number(difference.a), column.number(difference.b), f"{sign}{inline(column, change)}")
+    # Three digits would say 0.000.
     p = "< 0.001" if difference.p < 0.0005 else f"{difference.p:.3f}"
     return (column.head, *values, p, verdict(column, difference))
 

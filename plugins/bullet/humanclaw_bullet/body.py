@@ -30,6 +30,7 @@ def load_body(client: Client, profile: Profile, folder: Path) -> int:
     path = folder / "body.urdf"
     path.write_text(urdf(profile), encoding="utf-8")
     (folder / _CUBE).write_text(wavefront([np.array(list(product((-0.5, 0.5), repeat=3)))]), encoding="utf-8")
+    # Without the first flag Bullet works the inertia out from the shapes.
     # Without the second flag Bullet numbers the links depth first.
     flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_MAINTAIN_LINK_ORDER
     body = int(client.loadURDF(str(path), flags=flags))
@@ -39,6 +40,7 @@ def load_body(client: Client, profile: Profile, folder: Path) -> int:
 
 def _free(client: Client, body: int, profile: Profile) -> None:
     """Set the surface friction, and switch off Bullet's own motors, damping and sleep."""
+    # From -1, the base. Bullet's damping, .04 unless it is set, would slow a fall.
     for link in range(-1, len(JOINTS) - 1):
         client.changeDynamics(
             body, link, lateralFriction=profile.friction, linearDamping=0, angularDamping=0, jointDamping=0,

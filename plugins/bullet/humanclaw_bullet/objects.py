@@ -140,8 +140,10 @@ class Objects:
         client.changeDynamics(
             body, 0, lateralFriction=obj.friction, jointLowerLimit=leaf.joint.low, jointUpperLimit=leaf.joint.high,
             jointDamping=leaf.joint.damping, linearDamping=0, angularDamping=0,
+            # Bullet would take the inertia of a box around the hulls.
             localInertiaDiagonal=self._forms.inertia[obj.id],
         )  # fmt: skip
+        # A motor that wants to stand still with a bounded force does what friction does.
         client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=leaf.joint.friction)
         client.resetJointState(body, 0, leaf.obj.state)
         # The link is in no group and asks only for moving bodies; Bullet lets two meet if either asks for the other.
@@ -187,6 +189,7 @@ class Objects:
 
     def lull(self) -> None:
         """Let objects at rest sleep until something touches them: asleep they cost almost nothing."""
+        # Exactly 0: what topples or rises slowly would hang in mid-air.
         for body, _ in self._movable.values():
             if not np.any(self._client.getBaseVelocity(body)):
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)

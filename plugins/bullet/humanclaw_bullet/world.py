@@ -46,6 +46,7 @@ class BulletWorld:
         self._client = client = Client()
         self._seconds, self._meet, self._iterations = 0.0, False, _iterations(scene)
         client.setGravity(0, -profile.gravity, 0)
+        # Pairs are sorted, because the order in which Bullet finds them may differ between runs.
         client.setPhysicsEngineParameter(
             numSubSteps=0, deterministicOverlappingPairs=1, numSolverIterations=self._iterations
         )
@@ -108,6 +109,7 @@ class BulletWorld:
     def _touches(self) -> Sequence[Touch]:
         known = self._objects.object_of
         return [
+            # Bullet's link -1 is the base, our joint 0.
             Touch(row[_LINK_A] + 1, known[row[_BODY_B]], row[_POINT], row[_NORMAL], row[_DISTANCE], row[_FORCE], number)
             for number, body in enumerate(self._bodies)
             for row in self._client.getContactPoints(body)
@@ -119,6 +121,7 @@ class BulletWorld:
         rows: Sequence[Any] = self._client.getContactPoints() or ()
         known = self._objects.object_of
         met = {(row[_BODY_A], row[_BODY_B]) for row in rows if row[_DISTANCE] <= TOUCHING}
+        # 0 is no object, and people have negative ids.
         pairs = {(known.get(a, 0), known.get(b, 0)) for a, b in met}
         return {(min(pair), max(pair)) for pair in pairs if min(pair) > 0}
 

@@ -66,6 +66,7 @@ def with_doors(
         elif "" not in names and (names <= hubs or kinds <= opened) and length > 1.1:
             linked |= names
             walls[index] = _opened(wall, "open")
+        # 1.3 m: a door of 0.9, its gap of 0.16 and half a wall at each end take 1.18.
         elif names & hubs and "" not in names and (names - hubs).isdisjoint(linked) and length > 1.3:
             linked |= names
             walls[index] = replace(wall, openings=(_door(wall, hubs, kind, rng),))
@@ -103,6 +104,7 @@ def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Gener
         width = round(min(float(rng.uniform(1.1, 1.6)), length - 0.5), 2)
         return WallOpening(round((wall.start + wall.end) / 2, 2), width, 0.0, 2.15, "passage")
     side = -1 if rng.random() < 0.5 else 1
+    # As much as an open leaf takes beside the doorway (RoomOccupancy).
     width, gap = 0.9, 0.16
     edge = wall.start if side < 0 else wall.end
     at = round(edge - side * (WALL / 2 + gap + width / 2), 2)

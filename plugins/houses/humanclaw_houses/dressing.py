@@ -117,6 +117,7 @@ def _lay_table(space: RoomOccupancy, context: FurnishingContext, table: Placed) 
     plate, glass, top = context.make(things.plate), context.make(things.glass), table.piece.surfaces[0]
     for chair in _of(space, "chair"):
         x, z = _seen_from(table, chair)
+        # A chair that is farther off stands at no place of this table.
         if abs(x) > top.x1 + 0.6 or abs(z) > top.z1 + 0.6:
             continue
         ends = abs(x) / top.x1 > abs(z) / top.z1
@@ -152,6 +153,7 @@ def _radiators(space: RoomOccupancy, context: FurnishingContext) -> Iterator[Pla
 def _switches(space: RoomOccupancy, context: FurnishingContext) -> Iterator[Placed]:
     piece = context.make(things.switch)
     for side, hole in space.doors:
+        # Away from the hinge, where no open leaf is before it.
         along = hole.at - space.start(side) + (hole.leaf or 1) * -(hole.width / 2 + 0.14)
         if 0.05 < along < space.length(side) - 0.05:
             yield space.at_wall(piece, side, along, 1.05, gap=0.001)

@@ -214,6 +214,7 @@ def _above_unit(space: RoomOccupancy, context: FurnishingContext, fronts: kitche
         return
     along = (unit.x if side in ("south", "north") else unit.z) - space.start(side)
     obj = space.at_wall(piece, side, along, y, gap=0.002)
+    # Neighbouring cupboards may touch.
     if space.fits(obj, gap=-0.002):
         space.put(obj)
 

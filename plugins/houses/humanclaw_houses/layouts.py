@@ -66,6 +66,7 @@ def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
     rows = arrange_rows(_without(kinds, column), depths, rng, beyond=beyond)
     width, across = float(rng.uniform(3.9, 4.9)), depths[0] + hall + depths[1]
     along = _fitted([(kind, _width(kind, width, rng)) for kind in column], across)
+    # In an l one wall of the living room is beside the hall: a door in it needs 1.3 m.
     if rows is None or along is None or (along[0][1] < depths[0] + 1.4 and beyond):
         return None
     x = sum(w for _, w in rows[1])

@@ -127,6 +127,7 @@ def put_curtain(
 ) -> None:
     """Hang curtains beside a window. They do not collide, so furniture may stand under them."""
     short = context.chance(0.5)
+    # Short ones end 75 cm over the floor, long ones 5 cm.
     height = round(top + 0.1 - (0.75 if short else 0.05), 2)
     piece = context.make(decor.curtain, width, height, context.style.second_cloth)
     spot = space.at_wall(piece, side, at - space.start(side), y=round(top + 0.1 - height, 2), gap=0.03)

@@ -136,6 +136,7 @@ class RoomOccupancy:
         for hole in wall.openings:
             if hole.kind == "window":
                 self.windows.append((side, hole))
+                # From just below the sill, a board of 6 cm under the glass.
                 self._taken.append(Block(self._strip(side, hole.at, hole.width, 0.22), hole.bottom - 0.07, hole.top))
             else:
                 if hole.kind not in ("open", "stairs"):
@@ -147,6 +148,7 @@ class RoomOccupancy:
                 self._doors.append(self._strip(side, hole.at, hole.width, min(deep, 0.8)))
                 self._kept.append(self._strip(side, hole.at, hole.width + 0.14, deep))
             if hole.leaf and hole.opens_low == (wall.low == self.area.name):
+                # An open leaf of 0.9 m begins 2 cm from the wall.
                 edge = self._strip(side, hole.at + hole.leaf * (hole.width / 2 + 0.08), 0.16, 0.94)
                 self._taken.append(Block(edge, 0.0, 2.1))
                 self._solid.append(edge)
@@ -206,6 +208,7 @@ class RoomOccupancy:
 
     def is_free(self, rect: Rect) -> bool:
         """Return whether a rectangle is floor inside the room with nothing on it."""
+        # From 3 cm on: what is flatter is a rug.
         return rect.within(self.rect) and not self._blocked(Block(rect, 0.03, 1.2), 0.0)
 
     def is_free_unit(self, side: Side, along: float, width: float) -> bool:
@@ -286,6 +289,7 @@ class RoomOccupancy:
         r = self.rect
         shape = int((r.z1 - r.z0) / CELL), int((r.x1 - r.x0) / CELL)
         free = np.ones((shape[0] + 2, shape[1] + 2), bool)
+        # A ring around the room, so that distances to its walls count.
         free[0] = free[-1] = free[:, 0] = free[:, -1] = False
         for rect in self._solid:
             rows, columns = self._cells(rect)
@@ -294,6 +298,7 @@ class RoomOccupancy:
 
     def _cells(self, rect: Rect) -> tuple[slice, slice]:
         r = self.rect
+        # Outwards: whatever cell an object touches is taken.
         limits = (
             np.floor((rect.z0 - r.z0) / CELL), np.ceil((rect.z1 - r.z0) / CELL),
             np.floor((rect.x0 - r.x0) / CELL), np.ceil((rect.x1 - r.x0) / CELL),

@@ -59,7 +59,9 @@ def let_slide(
     for k in range(rows.size):
         row = rows[k]
         if row >= 0 and max(joint_of[geoms[k, 0]], joint_of[geoms[k, 1]]) >= 0:
+            # The two rows after that of the normal are the directions of friction.
             slides = np.hypot(speeds[row + 1], speeds[row + 2])
+            # Without this, a foot at 4 m/s 4 mm over the floor threw the body up at .7 m/s.
             wanted[row] -= frictions[k, 0] * max(slides - _SWINGS, 0.0) / seconds
 
 
@@ -98,6 +100,7 @@ def body_contacts(
                 continue
             row = contacts[count]
             row[0], row[1] = joint_of[geom], object_of[geoms[k, 1 - side]]
+            # MuJoCo's normal points from the first geom to the second; here it points to the body.
             for axis in range(3):
                 row[2 + axis], row[5 + axis] = points[k, axis], frames[k, axis] * (2 * side - 1)
             # A contact at a distance that already pushes closes in this step, so it counts as touching.

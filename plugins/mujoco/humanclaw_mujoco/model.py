@@ -87,6 +87,7 @@ def build(scene: Scene, profile: Profile, bodies: int = 1) -> Model:
     """
     spec = mj.MjSpec()
     spec.option.gravity = [0.0, -profile.gravity, 0.0]
+    # A row for the force along the normal, then two for friction: let_slide and body_contacts read them so.
     spec.option.cone = mj.mjtCone.mjCONE_ELLIPTIC
     spec.memory = 1 << 26
     spec.default.geom.solimp[:] = _IMPEDANCE
@@ -111,6 +112,7 @@ def _named(joint: str, number: int) -> str:
 def _add_body(spec: Any, profile: Profile, number: int, bodies: int) -> None:
     """Add a body, which looks for contacts with those before it. number: its own, of so many."""
     links: list[Any] = []
+    # No bit for the last body: none comes after it to look for it.
     own = _MEETS_BODIES << number if number < bodies - 1 else 0
     meets = _BODY | {"contype": own, "conaffinity": _BODY["conaffinity"] | _MEETS_BODIES * ((1 << number) - 1)}
     for joint, name in enumerate(JOINTS):
@@ -189,6 +191,7 @@ class _Objects:
             box = box_of(hull - centre)
             # Hulls that are boxes become box geoms: the engine then needs no mesh for them.
             if box is None:
+                # A hull has other points about a centre of mass or a joint than in the asset's frame: a mesh for each.
                 kind = f"{'movable' if obj.movable else 'fixed'} {centre.tolist() if obj.joint else ''}"
                 mesh = self._mesh(f"{asset.name} {number} {kind}", hull - centre)
                 body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_MESH, meshname=mesh, **facts)
@@ -207,6 +210,7 @@ def _weigh(body: Any, mass: float, hulls: Sequence[Array], centre: Array) -> Non
     """Give a MuJoCo body its mass and inertia. centre: its centre of mass in its own frame, metres."""
     matrix = inertia(hulls, mass)
     body.explicitinertial, body.mass, body.ipos = True, mass, centre
+    # MuJoCo's order: the diagonal, then xy, xz and yz.
     body.fullinertia = [matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[0, 1], matrix[0, 2], matrix[1, 2]]
 
 

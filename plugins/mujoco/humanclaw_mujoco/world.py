@@ -47,11 +47,13 @@ class MujocoWorld:
         self._sleep = Sleep(model)
         trees = [(np.arange(body.root_dof, body.root_dof + 6), body.spins.ravel()) for body in model.bodies]
         self._tree = np.concatenate([part for tree in trees for part in tree])
+        # + 1: the pelvis's velocity along y, which is up.
         self._falls = np.where(np.isin(self._tree, [body.root_dof + 1 for body in model.bodies]), -profile.gravity, 0.0)
         self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
         free = [at + k for at, _, _ in model.movable.values() for k in range(7)]
         self._places = np.array([*free, *(at for at, _, _ in model.hinged.values())], int)
         self._loose = np.setdiff1d(np.arange(self._m.nv), self._tree)
+        # NaN equals nothing, so the first look reads the places.
         self._read = np.full(len(self._places), np.nan)
         self._states: Mapping[int, Array] = self._still
         for key, (at, _, centre) in model.movable.items():
@@ -117,6 +119,7 @@ class MujocoWorld:
 
     def overlaps(self) -> Sequence[Touch]:
         geoms, gaps = self._collide()
+        # Nothing has made constraints of these contacts: forces are those of the last step.
         self._d.contact.efc_address[:] = -1
         return self._touches(geoms, gaps)
 
@@ -185,6 +188,7 @@ class MujocoWorld:
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         geom, face = np.zeros(1, np.int32), np.zeros(3)
+        # 1: fixed geoms count. -1: no body is left out; MuJoCo returns -1, too, where a ray meets nothing.
         share = mj.mj_ray(self._m, self._d, above, below - above, _OBJECTS, 1, -1, geom, face)
         if not 0 <= share <= 1 or self._model.object_of[geom[0]] != object_id or face[1] <= LEVEL:
             return None

@@ -72,12 +72,14 @@ def voxels(triangles: Floats, albedo: Floats, lights: Array) -> Voxels:
     low = np.maximum(points.min(axis=0) - SPACING, lights.min(axis=0) - REACH)
     high = np.minimum(points.max(axis=0) + SPACING, lights.max(axis=0) + REACH)
     size = SPACING / 2
+    # Eight voxels to a probe, two along each axis.
     while np.prod(shape := 2 * np.ceil((high - low) / (2 * size)).astype(int)) > 8 * MOST:
         size *= 1.02
     solid = np.zeros((shape[1], shape[2], shape[0]), np.uint8)
     a, b, c = np.moveaxis(triangles, 1, 0)
     longest = np.maximum.reduce([_square(a - b), _square(b - c), _square(c - a)]).astype(float)
     steps = (np.sqrt(longest) / (0.6 * size)).astype(int) + 1  # So close that no voxel is left out.
+    # From 1, because 0 is empty.
     tones = (1 + 254 * np.clip(albedo.astype(float), 0.0, BRIGHTEST)).astype(np.uint8)
     _fill(solid, triangles, steps, tones, low, size)
     return Voxels(solid, low, size)
@@ -102,6 +104,7 @@ def _fill(
             near, far = 0.0, float(steps - i)
             for axis in range(3):
                 start[axis] = (a[axis] + (b[axis] - a[axis]) * (i / steps) - corner[axis]) / size
+                # Never 0, because the space is cut by dividing by it.
                 way[axis] = (c[axis] - a[axis]) / steps / size + 1e-12
                 enter, leave = -start[axis] / way[axis], (sides[axis] - start[axis]) / way[axis]
                 near, far = max(near, min(enter, leave)), min(far, max(enter, leave))
@@ -247,6 +250,7 @@ def _blurred(light: Array, empty: NDArray[np.bool_]) -> Array:
     for axis in (0, 1, 2) * 2:
         near, way = np.moveaxis(light.copy(), axis, 0), np.moveaxis(empty, axis, 0)[:, 1::2, 1::2]
         clear = way[1:-2:2] & way[2:-1:2] & way[3::2] & ~np.isnan(near[:-1, ..., 0]) & ~np.isnan(near[1:, ..., 0])
+        # With the opposite step these are weights of 1, 2 and 1.
         step = np.where(clear[..., None], 0.25 * (near[1:] - near[:-1]), 0.0)
         near[:-1] += step
         near[1:] -= step

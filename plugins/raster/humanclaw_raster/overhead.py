@@ -49,6 +49,7 @@ class OverheadMapper:
         points = np.concatenate([points, [[scene.start.x, scene.start.floor, scene.start.z]]])
         low, high = points.min(axis=0), points.max(axis=0)
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
+        # Two more: the outermost cells stay empty.
         self._shape = tuple(np.ceil((high - low)[[2, 0]] / self._cell).astype(int) + 2)
         self._middle = (low + high) / 2
         self._still, solid = [], np.array([obj.category != PERSON for obj in scene.objects], bool)

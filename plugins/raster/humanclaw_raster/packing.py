@@ -102,6 +102,7 @@ def along_curve(corners: Floats, counts: Sequence[int]) -> NDArray[np.int64]:
         if count > CLUSTER:
             mine = centres[first : first + count]
             low, size = mine.min(axis=0), np.ptp(mine, axis=0).max() + 1e-9
+            # Ten bits along each axis, as many as _SPREAD has.
             cells = ((mine - low) / size * 1023).astype(np.int64)
             x, y, z = _SPREAD[cells].T
             code[first : first + count] = x | y << 1 | z << 2

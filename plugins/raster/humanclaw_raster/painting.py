@@ -64,6 +64,7 @@ def paint(
             while end < width and surface[end] == number:
                 end += 1
             instance = gbuffer.faces[number, 1] if number >= 0 else -1
+            # Unsigned: the compiler does not vectorize a loop between signed numbers, which takes ten times as long.
             for k in range(np.uint64(first), np.uint64(end)):
                 ids[row, k] = instances.id[instance] if number >= 0 else 0
             if number >= 0:

@@ -179,6 +179,7 @@ def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
         drawn, depth = drawn[kept], depth[kept]
     shape = (camera.height, camera.width)
     inverse_depth, surface = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
+    # Stable: clusters at one depth keep their order, and pictures their bytes.
     order = drawn[np.argsort(depth, kind="stable")]
     faces = draw(model, instances, pinhole, order, inverse_depth, surface)
     return GBuffer(inverse_depth, surface, faces, prepare(model, instances, scene.lit, pinhole, faces))

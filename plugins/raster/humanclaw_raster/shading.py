@@ -225,6 +225,7 @@ def _shadow(
         nx, ny, nz = half.normals[0, row], half.normals[1, row], half.normals[2, row]
         for k in range(width):
             up[k] = nx[k] * axes[0, 1] + ny[k] * axes[1, 1] + nz[k] * axes[2, 1]
+        # A quarter: sample k is pixel 2 k, whose middle is (2 k + .5) / 2 samples from the border.
         _on_map(half.depth[row], pinhole, overhead, row - height / 2 + 0.25, x, y, z, storey)
         _cone(overhead, storey, x, y, z, swing[row % 4], open_)
         for k in range(width):
@@ -329,8 +330,10 @@ def _unblocked(
         return ONE
     size = np.float32(SIZE) * np.sqrt(east * east + rise * rise + north * north)
     east, north = (east + size * aside[0]) / rise, (north + size * aside[1]) / rise
+    # .01: towards a light straight above, the way along the map is 0.
     stride, blocked = np.float32(1.5) / np.sqrt(east * east + north * north + np.float32(0.01)), False
     east, north, rise = east * stride, north * stride, stride * np.float32(overhead.cell)
+    # What stands on the map ends at TALLEST: the rest of the way is free.
     steps, step = min(int((np.float32(TALLEST + overhead.floors[storey]) - y) / rise), FARTHEST), 1
     y += np.float32(0.02)  # A surface is no obstacle to itself.
     # Up to half a cell aside: pictures from close by would show the cells as steps.
@@ -365,6 +368,7 @@ def _swing(width: int) -> Floats:
         for ray in range(RAYS):
             reach = math.sqrt((ray + 0.5) / RAYS)
             for column in range(4):
+                # 7 and 16 share no divisor: each of the 16 pixels has a turn of its own, and neighbours distant ones.
                 angle = GOLDEN * ray + 2 * np.pi * ((4 * row + column) * 7 % 16) / 16
                 out[row, ray, 0, column::4], out[row, ray, 1, column::4] = (
                     reach * math.sin(angle),

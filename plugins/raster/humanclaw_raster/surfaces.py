@@ -66,6 +66,7 @@ def _place(model: Model, turn: Array, shift: Array, face: int, out: Floats) -> f
     rx, ry, rz = move_point(turn, shift, model.corners[face, 2])
     ux, uy, uz, vx, vy, vz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    # 1e-30, because a face without an area would divide by 0.
     square = nx * nx + ny * ny + nz * nz + 1e-30
     each = 1 / square
     bx, by, bz = (vy * nz - vz * ny) * each, (vz * nx - vx * nz) * each, (vx * ny - vy * nx) * each

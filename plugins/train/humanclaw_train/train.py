@@ -633,6 +633,7 @@ class Run:
 
 def _schedule(step: int, progress: float) -> float:
     """Return the learning rate's factor: warm-up over 200 steps or 1/20 of a run, then a cosine down to 0.01."""
+    # The sooner of both: 300 steps would else be a warm-up for the most part.
     return min(1.0, max((step + 1) / 200, progress / 0.05)) * (
         0.01 + 0.99 * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0)))
     )
@@ -698,6 +699,7 @@ def adapter_config(chunks: ChunkTensors, asked: str = "auto") -> AdapterConfig:
     encoder: Encoder = "token" if not width else fitting if asked == "auto" else cast(Encoder, asked)
     # Quantiles, not extremes: in a step out of a seat the pelvis rises further than any command asks for.
     low, high = (params.quantile(edge, 0) if width else params.new_zeros(0) for edge in (0.01, 0.99))
+    # A parameter with one value in the data would divide by 0.
     scale = ((high - low) / 2).clamp(min=1e-3)
     centre = _rounded((low + high) / 2)
     return AdapterConfig(chunks.name, encoder, chunks.names, centre, _rounded(scale), chunks.measures)

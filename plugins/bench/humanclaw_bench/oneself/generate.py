@@ -167,6 +167,7 @@ def _moved(wanted: str, number: int, rng: np.random.Generator) -> Question:
     step = int(rng.integers(50, 71)) / 100
 
     def read(played: Played, place: Pose2D) -> str:
+        # The question asks for 20 cm: what comes near it has no answer.
         moved = played.moved(1)
         return "yes" if moved > 0.35 else "no" if moved < 0.12 else ""
 
@@ -183,6 +184,7 @@ def _turned(wanted: str, number: int, rng: np.random.Generator) -> Question:
     turns = [min(60, round(bearing) - 60 * k) for k in range(5) if bearing > 60 * k]
 
     def read(played: Played, place: Pose2D) -> str:
+        # Answers are 45 degrees apart: within 15 of one, the next is 30 away.
         nearest = min(_TURNS, key=lambda turn: abs(float(turn) - played.turned))
         return nearest if abs(float(nearest) - played.turned) < 15 else ""
 
@@ -195,6 +197,7 @@ def _touch(wanted: str, number: int, rng: np.random.Generator) -> Question:
     """Walk between two posts of which only one is near enough to touch."""
     colour, side = wanted.split(" on your ")
     sign = 1.0 if side == "left" else -1.0
+    # A walking body is 56 cm wide and a post 8: the near one is in the way, the far one 18 cm off.
     near, far = round(sign * float(rng.uniform(0.25, 0.31)), 3), round(-sign * float(rng.uniform(0.5, 0.56)), 3)
     red, blue = (near, far) if colour == "red" else (far, near)
 
@@ -214,9 +217,11 @@ def _fit(wanted: str, number: int, rng: np.random.Generator) -> Question:
 
 
 def _gap(fits: bool, rng: np.random.Generator) -> Question:
+    # A walking body is 56 cm wide.
     width = round(float(rng.uniform(0.62, 0.8) if fits else rng.uniform(0.28, 0.4)), 2)
 
     def read(played: Played, place: Pose2D) -> str:
+        # Three steps are 1.8 m, and the panels stand 1 m ahead.
         return "yes" if played.moved() > 1.6 else "no" if played.moved() < 1.0 else ""
 
     words = "could you walk straight on through the gap between the two panels?"

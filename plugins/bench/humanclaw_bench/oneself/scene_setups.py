@@ -86,6 +86,7 @@ class Setup:
 
 def _without_shadow(mesh: Mesh) -> Mesh:
     """Add a corner of no face, too high for renderers to draw a shadow: it would show how a mirror is turned."""
+    # Over 2.1 m, from where on humanclaw_raster lets things cast none.
     vertices = np.append(mesh.vertices, np.array([[0.0, 2.2, 0.0]], np.float32), axis=0)
     return replace(mesh, vertices=vertices, uv=np.append(mesh.uv, mesh.uv[:1], axis=0))
 
@@ -120,6 +121,7 @@ def _glass(on: Setup, size: Vec3, away: float, turned: float) -> None:
     """Put up a mirror on a foot. size: with the height of its middle, metres."""
     wide, high, up = size
     eye = ego_camera(on.body()).position
+    # Behind the mirror, which it would else cover.
     on.sheet("frame", (wide + 0.1, high + 0.1, up), away + 0.01, eye, turned)
     on.sheet("mirror", size, away, eye, turned)
     for foot in ((0.06, 0.5, 0.06), (0.5, 0.02, 0.3)):

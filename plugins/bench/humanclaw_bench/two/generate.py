@@ -104,6 +104,7 @@ def _walk(floors: MultiFloorMap, rng: np.random.Generator) -> tuple[Pose2D, Part
     points, grid = route[0].points.round(3), floors.grids[level]
     legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
     clear = all(grid.clear(a, b, _CLEAR) for a, b in pairwise(points))
+    # Who is followed stands on the first leg, 30 cm before its end or more.
     if not (clear and len(legs) and _WAY[0] <= legs.sum() - _AHEAD <= _WAY[1] and legs[0] >= _AHEAD + 0.3):
         return None
     yaw = float(np.arctan2(*(points[1] - points[0])))

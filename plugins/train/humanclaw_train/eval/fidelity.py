@@ -169,6 +169,7 @@ def baseline(folders: Sequence[Path], command: Command, count: int = 600) -> Rat
     if chunks is None or not chunks.params.shape[1]:
         return None
     magnitudes = np.abs(chunks.params.astype(float))
+    # A parameter with one value would divide by 0.
     spread = np.maximum(magnitudes.std(0), 1e-6)
     far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
     clip = chunks[np.array([int(far.argmin())])]

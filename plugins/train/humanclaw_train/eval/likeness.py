@@ -61,6 +61,7 @@ def naturalness(
         "skate cm/s": np.nan if stairs else measures.skate(future),
         "slower toe cm/s": measures.slower_toe(future),
         "sunk cm": np.nan if stairs else measures.penetration(future),
+        # Jerk is a third difference: from three frames before the seam on, it counts the seam.
         "joint jerk m/s3": measures.joint_jerk(joints[:, HISTORY - 3 :]),
         "beyond limits %": measures.beyond_limits(rotations[:, HISTORY:]),
         "Frechet": held_out,

@@ -108,6 +108,7 @@ class Features:
     def of(cls, root: Array, rotations: Array) -> Features:
         """Fit to canonical chunks of real motion, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
         raw = _raw(root, rotations)
+        # Noise in what hardly varies would else count as much as the gait.
         mean, scale = raw.mean(0), np.maximum(raw.std(0), 0.01)
         _, spread, axes = np.linalg.svd((raw - mean) / scale, full_matrices=False)
         kept = min(COMPONENTS, len(axes))

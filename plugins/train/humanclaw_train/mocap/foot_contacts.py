@@ -129,9 +129,11 @@ def _overreach(pose: Pose, ankles: Mapping[Side, Array]) -> Array:
     sink = np.zeros(len(pose.root))
     for side, ankle in ankles.items():
         reach = pose.at(f"{side}_hip") - ankle
+        # Less than STRAIGHT, so that the root below is of a positive number.
         level = np.minimum(np.linalg.norm(reach[:, [0, 2]], axis=-1), 0.9 * LEG)
         sink = np.maximum(sink, reach[:, 1] - np.sqrt((STRAIGHT * LEG) ** 2 - level**2))
     # A moving maximum, then a moving mean: smooth, and never less than needed.
+    # Each of two windows of 7 takes 3 frames from both ends.
     wide = np.pad(sink, 6, mode="edge")
     highest = np.lib.stride_tricks.sliding_window_view(wide, 7).max(-1)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(highest, 7).mean(-1))

@@ -116,12 +116,14 @@ def load_humanoid3d(path: Path, fps: float | None = None) -> SourceMotion:
         raise MocapError(
             f"{path}: expected JSON with `Frames`, rows of 44 numbers.", "Give a humanoid3d file."
         ) from error
+    # 1 for seconds, 3 for the root, 4 for each of nine joints, 1 for each of four hinges.
     if rows.ndim != 2 or rows.shape[1] != 44:
         raise MocapError(f"{path}: expected `Frames` as rows of 44 numbers; got shape {rows.shape}.")
     joints, parents, offsets = zip(*_HUMANOID3D, strict=True)
     tree = Tree(joints, parents, np.array(offsets))
     local = np.tile(np.eye(3), (len(rows), len(tree.joints), 1, 1))
     column = 4
+    # Toes and wrists come after the 13 that the format turns.
     for joint, name in enumerate(tree.joints[:13]):
         if name in _HUMANOID3D_HINGES:
             local[:, joint] = matrix_from_vector(rows[:, column, None] * AXES["z"])

@@ -81,6 +81,7 @@ def retarget(source: SourceMotion) -> Motion:
 
 def resample(source: SourceMotion, fps: float = FPS) -> SourceMotion:
     """Resample the source: positions linearly, orientations along the chord between frames."""
+    # 1e-9: rounding must not lose the last frame.
     times = np.arange(0.0, (len(source) - 1) / source.fps + 1e-9, 1.0 / fps) * source.fps
     low = np.minimum(times.astype(int), len(source) - 1)
     high, part = np.minimum(low + 1, len(source) - 1), times - low

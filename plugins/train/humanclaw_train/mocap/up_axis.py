@@ -89,6 +89,7 @@ def _steadier(positions: Array, hips: Array, usual: Up, moves: float) -> Up | No
     spread, least = (
         np.subtract(*np.percentile((positions @ _axis(up)).min(axis=1), (75, 25))) for up in (usual, other)
     )
+    # The line through the hips is within 45 degrees of the axis.
     on_side = np.median(np.abs(hips @ _axis(other)) / np.linalg.norm(hips, axis=-1)) > np.sqrt(0.5)
     steady = spread > max(moves, _STEADIER * least) and abs(_lowest(positions, other)) < _NEAR
     return other if steady and not on_side else None

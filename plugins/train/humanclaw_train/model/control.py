@@ -79,6 +79,7 @@ class Token(nn.Module):
 
     def __init__(self, hidden: int) -> None:
         super().__init__()
+        # .02, the usual deviation of embeddings at first.
         self.vector = nn.Parameter(0.02 * torch.randn(hidden))
 
     def forward(self, values: Tensor) -> Tensor:

@@ -55,6 +55,7 @@ class Block(nn.Module):
         super().__init__()
         hidden = config.hidden
         self.heads = config.heads
+        # Six: shift, scale and gate, of the attention and of the MLP.
         self.modulation = nn.Linear(hidden, 6 * hidden)
         self.qkv = nn.Linear(hidden, 3 * hidden)
         self.out = nn.Linear(hidden, hidden)

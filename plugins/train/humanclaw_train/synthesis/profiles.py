@@ -144,6 +144,7 @@ def _sway(idle: Motion) -> Array:
     limit = 0.06  # Small, because the camera is in the head.
     values = channels(idle)
     values = values - np.median(values, 0)
+    # Without the zeros at its ends: 31 frames, a second.
     kernel = np.hanning(33)[1:-1]
     smooth = np.stack([np.convolve(column, kernel / kernel.sum(), "valid") for column in values.T], 1)
     smooth[:, 2] = 0.0

@@ -116,6 +116,7 @@ _SEATS: Final = np.linspace(0.2, 0.8, 13)
 
 def _seat_pose(seats: Array, height: Array) -> Array:
     """Interpolate seated poses (N, CHANNELS) for pelvis heights (N,)."""
+    # Below the last height, because the one after it is read too.
     place = np.clip((height - _SEATS[0]) / (_SEATS[1] - _SEATS[0]), 0, len(_SEATS) - 1.001)
     low = place.astype(int)
     share = (place - low)[:, None]
