@@ -62,9 +62,7 @@ def table(
         return
     if form == "terminal":
         show(chosen)
-        if not chosen:
-            click.echo("Not scored: no episode has a target. --full prints what the body did.")
-        elif brief and not columns:
+        if chosen and brief and not columns:
             click.echo("--full prints all tables, with the paper's rows.")
     else:
         for result in chosen.values():
@@ -77,6 +75,8 @@ def filled(tables: Mapping[str, ResultTable]) -> dict[str, ResultTable]:
 
 def show(tables: Mapping[str, ResultTable]) -> None:
     """Print tables on the terminal, then what their columns mean, and each of their notes once."""
+    if not tables:
+        click.echo("Not scored: no episode has a target. `humanclaw bench table RUN --full` prints what the body did.")
     for result in tables.values():
         _print(terminal(result, Console().width, notes=False))
     meanings = [note for name, table in tables.items() if name in EXPLAINED for note in table.meanings]

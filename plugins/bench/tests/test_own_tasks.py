@@ -279,3 +279,10 @@ def test_a_run_of_an_own_task_is_submitted_and_ranked(run, file):
     assert "cannot be scored" not in page
     assert "<th scope='col'>agent</th><th scope='col'>solved</th>" in page
     assert "</th><td>50.0% [" in page
+
+
+def test_a_run_of_tasks_that_nothing_decides_says_so(tmp_path):
+    line = {"id": "a", "instruction": "Jump up and down.", "scene": "toy:0", "max_steps": 2}
+    (tmp_path / "mine.jsonl").write_text(json.dumps(line) + "\n")
+    words = ("--agent", "walker", "--out", tmp_path / "run", "--in-process")
+    assert "Not scored: no episode has a target." in call("run", "--split", tmp_path / "mine.jsonl", *TOYS, *words)
