@@ -31,6 +31,8 @@ _TRIES: Final = 2000
 """Places that are tried on each floor."""
 _PLAYED: Final = 4
 """Questions that are played in a house until one has the wanted answer."""
+_ORDER: Final = 11
+"""Of shuffled answers: of the seeds 0 to 19, that by which houses, places and order tell least of them."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,8 @@ class Question:
     """Return the answer from what was played; empty if it is on the border."""
     begin: tuple[float, float] = (0.0, 0.0)
     """Where it is played from: metres ahead of the start, and a turn, radians."""
+    twin: tuple[float, ...] = ()
+    """Values by which the mirror must fill the same pixels at first."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,14 @@ class Kind:
     """Places that are free of things: metres to the left and ahead. None: a place to turn."""
     draw: Callable[[str, int, np.random.Generator], Question]
     """Draw a question from the answer that is wanted and its number."""
+    shuffled: bool = False
+    """Whether answers come in random order. In turn, they would go by the houses, if each has room."""
+
+    def wanted(self, seed: int) -> list[tuple[str, int]]:
+        """Return the answers that are wanted, each with its number."""
+        wanted = [(answer, k) for k in range(self.each) for answer in self.options]
+        order = np.random.default_rng([seed, _ORDER]).permutation(len(wanted)).tolist()
+        return [wanted[k] for k in order] if self.shuffled else wanted
 
 
 def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -138,7 +150,7 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
         return "yours" if is_left == (side == "left") else "another's"
 
     words = f"the low mirror ahead shows the hands of two people. Whose are those on the {side}?"
-    return Question("hands", (away, own), words, (), read)
+    return Question("hands", (away, own), words, (), read, twin=(away, -own))
 
 
 def _normal(played: Played) -> Array:
@@ -267,7 +279,8 @@ def _way(ahead: float) -> tuple[tuple[float, float], ...]:
 
 _YES_NO: Final = ("yes", "no")
 KINDS: Final = (
-    Kind("hand", ("yours", "another's"), 17, (*_way(0.6), (0.6, 0.3), (-0.6, 0.3), (0.4, 0.6), (-0.4, 0.6)), _hand),
+    Kind("hand", ("yours", "another's"), 17, (*_way(0.6), (0.6, 0.3), (-0.6, 0.3), (0.4, 0.6), (-0.4, 0.6)), _hand,
+         shuffled=True),
     Kind("mirror", _YES_NO, 17, (*_way(0.6), (0.6, 1.0), (0.6, 0.4), (1.2, 0.4), (1.2, -0.1)), _mirror),
     Kind("moved", _YES_NO, 17, _way(1.9), _moved),
     Kind("turned", _TURNS, 6, (), _turned),
@@ -286,7 +299,7 @@ def questions(plugins: Plugins, seed: int = 0) -> Iterator[EpisodeSpec]:
     plugins: with the skills of hands, which some are played with.
     """
     houses, order = cycle(HOUSES), np.random.default_rng(seed).permutation(TOTAL).tolist()
-    asked = [(kind, wanted, k) for kind in KINDS for k in range(kind.each) for wanted in kind.options]
+    asked = [(kind, *wanted) for kind in KINDS for wanted in kind.wanted(seed)]
     with Body("house:0", plugins=plugins) as body:
         for number, (kind, wanted, k) in enumerate(asked):
             rng = np.random.default_rng([seed, number, 61])
@@ -301,6 +314,10 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
     for index in rng.permutation(len(places))[:_PLAYED].tolist():
         question, place = kind.draw(wanted, k, rng), places[index]
         scene = body.plugins.scene(reference(house, question.setup, place, question.values))
+        if question.twin:
+            twin = body.plugins.scene(reference(house, question.setup, place, question.twin))
+            if not _alike(body, scene, twin, place):
+                continue
         if question.read(_play(body, scene, question, place), place) == wanted:
             asked_words = question.words.format(*(asked.words(body.skills) for asked in question.calls))
             words = f"{asked_words} Answer with one of: {'; '.join(kind.options)}."
@@ -323,6 +340,18 @@ def _places(grid: OccupancyGrid, free: tuple[tuple[float, float], ...], rng: np.
     around = points[:, None] + np.stack([x * cos + z * sin, z * cos - x * sin], -1)
     for k in np.flatnonzero((grid.at(grid.clearance, around) >= _WIDE).all(1)):
         yield Pose2D(*map(float, (*points[k], yaws[k], round(grid.floor, 3))))
+
+
+def _alike(body: Body, scene: Scene, twin: Scene, place: Pose2D) -> bool:
+    """Tell whether the mirrors of two scenes fill the same pixels: a wall may hide the end of one that is turned."""
+    one, other = (_mirrored(body, each, place) for each in (scene, twin))
+    return bool((one != other).sum() < 0.002 * one.sum())
+
+
+def _mirrored(body: Body, scene: Scene, place: Pose2D) -> Array:
+    """Return (H, W) which pixels of the first view show the mirror."""
+    body.place(scene, place)
+    return body.view().ids == scene.of_category("mirror")[-1].id
 
 
 def _play(body: Body, scene: Scene, question: Question, place: Pose2D) -> Played:
