@@ -101,7 +101,7 @@ def test_to_look_takes_no_step(home):
 def test_openais_calls_are_answered_in_order_with_the_pictures_after(home):
     tools = home.tools("openai")
     answers = tools.answer(_asks(("look", "{}"), ("walk", '{"z_cm": 999}'), ("fly", "{}")))
-    assert [(one["role"], one.get("tool_call_id")) for one in answers] == [
+    assert [(answer["role"], answer.get("tool_call_id")) for answer in answers] == [
         ("tool", "call_0"), ("tool", "call_1"), ("tool", "call_2"), ("user", None),
     ]  # fmt: skip
     assert "999 is greater than the maximum of 80" in answers[1]["content"]
@@ -165,6 +165,6 @@ def test_openai_answers_a_message_that_is_a_dictionary(home):
 def test_langchain_is_told_whether_a_call_was_refused(home, arguments, status):
     pytest.importorskip("langchain_core")
     walk = next(tool for tool in home.tools("langchain") if tool.name == "walk")
-    told = walk.invoke({"type": "tool_call", "id": "1", "name": "walk", "args": arguments})
-    assert told.status == status
-    assert str(told.content)
+    result = walk.invoke({"type": "tool_call", "id": "1", "name": "walk", "args": arguments})
+    assert result.status == status
+    assert str(result.content)

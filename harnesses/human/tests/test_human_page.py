@@ -76,12 +76,12 @@ def test_keys_buttons_and_the_form_are_calls_until_the_replay(window, decisions,
 
 def test_two_pages_of_one_episode_make_one_call_at_a_time(window, decisions):
     with browsing() as browser:
-        one, other = (opened(browser, window.address)[0] for _ in range(2))
+        page, other = (opened(browser, window.address)[0] for _ in range(2))
         for step in (0, 1):
             window.show(PICTURE, PageState(step, 9, "Find a couch."))
-            for tab in (one, other):
+            for tab in (page, other):
                 tab.wait_for_function(f"document.getElementById('step').textContent === 'Step {step} of 9'")
-            one.keyboard.press("S")  # As with Caps Lock.
+            page.keyboard.press("S")  # As with Caps Lock.
             assert decisions.get(timeout=5).calls[0].skill == "sit_in_place"
             other.keyboard.press("ArrowUp")
             other.wait_for_function("document.getElementById('hint').textContent === 'The body still moves.'")

@@ -137,9 +137,9 @@ def test_the_address_stands_in_a_file_of_this_user_alone(skills, capsys, monkeyp
     link = Path(unquote(urlsplit(opened.get(timeout=5)).path))
     assert person._window.address in link.read_text()
     assert link.parent.stat().st_mode & 0o077 == 0
-    told = capsys.readouterr().out
-    assert str(link) in told
-    assert person._window.address not in told
+    output = capsys.readouterr().out
+    assert str(link) in output
+    assert person._window.address not in output
     del person
     gc.collect()
     assert not link.exists()
@@ -198,8 +198,8 @@ def test_every_key_stands_for_a_legal_call_that_moves_that_way(skills):
     calls = keys(skills)
     for key in calls.values():
         assert read(sent(key.skill, **key.params), skills).calls
-    told = [calls[name].words for name in ("ArrowUp", "ArrowRight", "s")]
-    assert told == ["forward 40 cm", "turn right 37°", "sit down"]
+    words = [calls[name].words for name in ("ArrowUp", "ArrowRight", "s")]
+    assert words == ["forward 40 cm", "turn right 37°", "sit down"]
     assert (calls["ArrowUp"].skill, calls["ArrowUp"].params) == ("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
     assert calls["ArrowLeft"].params["yaw_deg"] == -calls["ArrowRight"].params["yaw_deg"] > 0
     assert [calls[name].skill for name in ("ArrowDown", "Shift+ArrowLeft", "s", "End")] == [

@@ -77,7 +77,7 @@ def view():
 
     def observe(step: int = 0, feedback: Feedback | str = "") -> Observation:
         rgb = np.stack(np.broadcast_arrays(ramp[:, None], ramp[None, :], np.uint8(20 * step)), axis=-1)
-        told = feedback if isinstance(feedback, Feedback) else Feedback(refusal=feedback)
-        return Observation(step, GOAL, np.ascontiguousarray(rgb), told)
+        felt = feedback if isinstance(feedback, Feedback) else Feedback(refusal=feedback)
+        return Observation(step, GOAL, np.ascontiguousarray(rgb), felt)
 
     return observe

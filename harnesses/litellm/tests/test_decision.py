@@ -44,11 +44,11 @@ def test_the_prompt_speaks_of_the_skills_that_there_are(begin, view, context):
     alone = EpisodeContext(context.spec, {"nod": nod}, 0)
     with OpenAIServer([call("nod", times=2)]) as server:
         decision = begin(server, about=alone).decide(view(), ())
-    told, (tool,) = server.requests[0].text, server.requests[0].tools
-    assert "nod: the tools that you are given." in told
+    prompt, (tool,) = server.requests[0].text, server.requests[0].tools
+    assert "nod: the tools that you are given." in prompt
     assert (tool["name"], tool["description"]) == ("nod", "Nod the head to agree.")
     assert tool["parameters"]["properties"]["times"]["type"] == "integer"
-    assert not any(name in told for name in ("turn_in_place", "sit_in_place", "walk,", "stop,", "Calling stop"))
+    assert not any(name in prompt for name in ("turn_in_place", "sit_in_place", "walk,", "stop,", "Calling stop"))
     assert decision.calls == (Call("nod", {"times": 2}),)
 
 
@@ -110,8 +110,8 @@ def handed_back(begin, view, skills, reply):
     ],
 )
 def test_what_is_not_one_legal_call_is_handed_back_and_never_executed(begin, view, skills, reply, words):
-    decision, told = handed_back(begin, view, skills, reply)
-    assert words in told
+    decision, message = handed_back(begin, view, skills, reply)
+    assert words in message
     assert json.loads(decision.raw)["mode"] == "tools"
 
 
@@ -185,11 +185,11 @@ def test_a_model_without_tools_and_schemas_is_asked_in_words(begin, view, skills
 def test_a_server_that_knows_only_words_is_asked_otherwise_next(begin, view):
     with OpenAIServer([text("I see a couch."), text("Still a couch."), text(answer(**WALK)), text("Oh.")]) as server:
         agent = begin(server)
-        found = []
+        modes = []
         for _ in range(4):
             decision = agent.decide(view(), ())
-            found.append((json.loads(decision.raw)["mode"], len(decision.calls)))
-    assert found == [("tools", 0), ("schema", 0), ("prompt", 1), ("prompt", 0)]
+            modes.append((json.loads(decision.raw)["mode"], len(decision.calls)))
+    assert modes == [("tools", 0), ("schema", 0), ("prompt", 1), ("prompt", 0)]
 
 
 def test_a_model_that_once_called_a_tool_is_not_asked_otherwise(begin, view):
@@ -204,9 +204,9 @@ def test_a_model_that_once_called_a_tool_is_not_asked_otherwise(begin, view):
 def test_the_prompt_digest_names_what_was_sent(begin, view):
     with OpenAIServer([call("stop")] * 3) as server:
         agent = begin(server)
-        one, same, other = (agent.decide(view(step), ()).prompt_digest for step in (0, 0, 1))
-    assert one == same != other
-    assert len(one) == 64
+        first, same, other = (agent.decide(view(step), ()).prompt_digest for step in (0, 0, 1))
+    assert first == same != other
+    assert len(first) == 64
 
 
 @pytest.mark.parametrize("value", ["[" * 50_000 + "]" * 50_000, "9" * 5000])

@@ -142,8 +142,8 @@ def test_every_parameter_keeps_its_type_and_bounds(name, play, skills):
     for tool in request.tools:
         for parameter, part in skills[tool["name"]].schema["properties"].items():
             sent = tool["parameters"]["properties"][parameter]
-            found = (sent["type"].lower(), sent["minimum"], sent["maximum"])
-            assert found == ("integer", part["minimum"], part["maximum"])
+            bounds = (sent["type"].lower(), sent["minimum"], sent["maximum"])
+            assert bounds == ("integer", part["minimum"], part["maximum"])
     # litellm turns alternatives into {} for Gemini.
     assert not {"oneOf", "anyOf", "allOf", "$ref"} & set(json.dumps(request.raw).replace('"', " ").split())
 

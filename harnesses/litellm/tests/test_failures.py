@@ -312,9 +312,9 @@ def test_a_step_that_does_not_fit_alone_is_a_limit_of_the_model(begin, view):
 
 def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
     with OpenAIServer([status(400, FULL)]) as server:
-        found = begin(server, "verifiers").verify(view(), Call("walk", WALK), skills["walk"], "")
-    assert found.accepted
-    assert "maximum context length" in found.failed_open
+        verdict = begin(server, "verifiers").verify(view(), Call("walk", WALK), skills["walk"], "")
+    assert verdict.accepted
+    assert "maximum context length" in verdict.failed_open
 
 
 def test_a_rate_that_asks_to_wait_is_waited_for_whatever_its_status(begin, view):
@@ -623,10 +623,10 @@ def test_an_error_in_a_success_keeps_the_servers_words(begin, view, kind):
     ],
 )
 def test_reasoning_is_booked_and_billed_wherever_it_is_counted(begin, view, sent, wrote, thought, total, booked):
-    told = {"prompt_tokens": sent, "completion_tokens": wrote, "total_tokens": total}
+    counts = {"prompt_tokens": sent, "completion_tokens": wrote, "total_tokens": total}
     details = {} if thought is None else {"completion_tokens_details": {"reasoning_tokens": thought}}
     reply = call("stop")
-    reply.body["usage"] = {key: value for key, value in told.items() if value is not None} | details
+    reply.body["usage"] = {key: value for key, value in counts.items() if value is not None} | details
     prices = {"input_cost_per_token": 1e-6, "output_cost_per_token": 1e-5}
     for options in ({"params": prices}, {"model": "openai/gpt-4o-mini"}):
         with OpenAIServer([reply]) as server:

@@ -87,7 +87,7 @@ def test_a_refusal_once_a_way_of_asking_is_settled_is_the_providers(begin, view)
 
 # -- keys --------------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"model": "openai/gpt-4o-mini"}, r"OPENAI_API_KEY is not set\. Set OPENAI_API_KEY"),
         ({"model": "zai/glm-4.6v"}, "ZAI_API_KEY is not set"),
@@ -95,9 +95,9 @@ def test_a_refusal_once_a_way_of_asking_is_settled_is_the_providers(begin, view)
         ({"model": "nonsense"}, r"no provider is known for model 'nonsense'\. Write provider/name"),
     ],
 )
-def test_a_missing_key_is_told_before_the_first_request(plugins, context, monkeypatch, options, told):
+def test_a_missing_key_is_told_before_the_first_request(plugins, context, monkeypatch, options, message):
     monkeypatch.setenv("MY_SERVER", "")
-    with pytest.raises(ModelError, match=told):
+    with pytest.raises(ModelError, match=message):
         plugins.make("agents", "litellm", options).begin(context)
 
 
@@ -181,7 +181,7 @@ def test_the_cost_is_tokens_times_the_listed_price(usage_of):
 
 
 @pytest.mark.parametrize(
-    "told",
+    "cost",
     [
         {"cost": "0.25"},
         {"cost": 0.01, "is_byok": True, "cost_details": {"upstream_inference_cost": 0.24}},
@@ -189,8 +189,8 @@ def test_the_cost_is_tokens_times_the_listed_price(usage_of):
         {"cost": 0.25, "is_byok": False, "cost_details": {"upstream_inference_cost": 0.24}},
     ],
 )
-def test_a_cost_may_be_text_and_have_the_users_key_beside_it(usage_of, told):
-    assert usage_of(reporting(**told)).cost == pytest.approx(0.25)
+def test_a_cost_may_be_text_and_have_the_users_key_beside_it(usage_of, cost):
+    assert usage_of(reporting(**cost)).cost == pytest.approx(0.25)
 
 
 def test_tokens_may_have_the_names_of_the_responses_api(usage_of):

@@ -41,36 +41,36 @@ def yes(skills):
 
 
 def test_a_call_that_passes_every_check_is_accepted(verify, yes, skills):
-    found, requests = verify(call("verdict", **verdict(*yes)))
-    assert (found.accepted, found.replacement, found.failed_open) == (True, None, "")
-    assert [(answer.check, answer.passed) for answer in found.answers] == [(c.id, True) for c in skills["walk"].checks]
-    assert found.usage.tokens_in == 1000
+    ruling, requests = verify(call("verdict", **verdict(*yes)))
+    assert (ruling.accepted, ruling.replacement, ruling.failed_open) == (True, None, "")
+    assert [(answer.check, answer.passed) for answer in ruling.answers] == [(c.id, True) for c in skills["walk"].checks]
+    assert ruling.usage.tokens_in == 1000
     assert len(requests) == 1
 
 
 def test_a_failed_check_puts_another_call_in_its_place(verify, yes):
     other = {"skill": "turn_in_place", "parameters": {"yaw_deg": 30}}
-    found, _ = verify(call("verdict", **verdict("no", *yes[1:], **other)))
-    assert (found.accepted, found.replacement) == (False, Call("turn_in_place", {"yaw_deg": 30}))
-    assert (found.answers[0].passed, found.answers[0].note) == (False, "a wall")
+    ruling, _ = verify(call("verdict", **verdict("no", *yes[1:], **other)))
+    assert (ruling.accepted, ruling.replacement) == (False, Call("turn_in_place", {"yaw_deg": 30}))
+    assert (ruling.answers[0].passed, ruling.answers[0].note) == (False, "a wall")
 
 
 def test_the_model_sees_one_view_and_this_checklist(verify, yes, skills):
     _, (request,) = verify(call("verdict", **verdict(*yes)))
     assert len(request.images) == 1
     assert request.images[0].shape == (512, 512, 3)
-    told = request.role("user")
-    assert all(check.question in told for check in skills["walk"].checks)
+    prompt = request.role("user")
+    assert all(check.question in prompt for check in skills["walk"].checks)
     assert not any(check.question in request.text for check in skills["stop"].checks)
-    assert "walk(x_cm=0, z_cm=40, yaw_deg=0)" in told
-    assert "reach the couch" in told
+    assert "walk(x_cm=0, z_cm=40, yaw_deg=0)" in prompt
+    assert "reach the couch" in prompt
     assert len(request.messages) == 2
 
 
 def test_a_verifier_without_pictures_sends_none(verify, yes):
     """images=0 is for a model that takes none; its server would refuse the request."""
-    found, (request,) = verify(call("verdict", **verdict(*yes)), images=0)
-    assert (found.accepted, request.images) == (True, [])
+    ruling, (request,) = verify(call("verdict", **verdict(*yes)), images=0)
+    assert (ruling.accepted, request.images) == (True, [])
 
 
 def test_a_replacement_can_be_any_skill_of_the_pool(verify, yes, skills):
@@ -83,8 +83,8 @@ def test_a_replacement_can_be_any_skill_of_the_pool(verify, yes, skills):
 
 def test_a_skill_without_checks_passes_unasked(verify, skills):
     assert not skills["step_back"].checks
-    found, requests = verify(about=Call("step_back", {"z_cm": 20}))
-    assert found.accepted
+    ruling, requests = verify(about=Call("step_back", {"z_cm": 20}))
+    assert ruling.accepted
     assert requests == []
 
 
@@ -103,16 +103,16 @@ def test_a_skill_without_checks_passes_unasked(verify, skills):
     ],
 )
 def test_without_a_usable_verdict_the_call_passes(verify, replies, reason):
-    found, _ = verify(*replies)
-    assert found.accepted
-    assert reason in found.failed_open
+    ruling, _ = verify(*replies)
+    assert ruling.accepted
+    assert reason in ruling.failed_open
 
 
 @pytest.mark.parametrize("marker", ["</think>", "◁/think▷", "[/THINK]"])
 def test_a_draft_in_a_thought_is_no_verdict(verify, yes, marker):
     draft, final = json.dumps(verdict(*yes)), json.dumps(verdict("no", skill="stop", parameters={}))
-    found, _ = verify(text(f"Perhaps {draft}? No.{marker}{final}"), mode="prompt")
-    assert found.replacement == Call("stop")
+    ruling, _ = verify(text(f"Perhaps {draft}? No.{marker}{final}"), mode="prompt")
+    assert ruling.replacement == Call("stop")
 
 
 @pytest.mark.parametrize(
@@ -149,9 +149,9 @@ def test_a_no_is_never_a_pass_whatever_stands_around_it(verify, said, mode):
 
 @pytest.mark.parametrize("word", ["No, a chair is in the way", "**no**", "no - blocked", "'NO'", "_no_", False])
 def test_the_first_word_answers_a_check(verify, yes, word):
-    found, _ = verify(call("verdict", **verdict(word, *yes[1:], skill="stop")))
-    assert found.replacement == Call("stop")
-    assert [answer.passed for answer in found.answers] == [False, *([True] * len(yes[1:]))]
+    ruling, _ = verify(call("verdict", **verdict(word, *yes[1:], skill="stop")))
+    assert ruling.replacement == Call("stop")
+    assert [answer.passed for answer in ruling.answers] == [False, *([True] * len(yes[1:]))]
 
 
 @pytest.mark.parametrize("word", ["Yes, nothing is in the way", "**yes**", "nothing", "not sure"])
@@ -160,16 +160,16 @@ def test_another_first_word_is_no_no(verify, yes, word):
 
 
 def test_parameters_of_the_other_call_may_stand_beside_the_answers(verify):
-    found, _ = verify(call("verdict", **verdict("no", skill="turn_in_place", yaw_deg=30, remark="left")))
-    assert found.replacement == Call("turn_in_place", {"yaw_deg": 30})
+    ruling, _ = verify(call("verdict", **verdict("no", skill="turn_in_place", yaw_deg=30, remark="left")))
+    assert ruling.replacement == Call("turn_in_place", {"yaw_deg": 30})
 
 
 def test_of_verdicts_that_differ_none_counts(verify, yes):
     several = [verdict(*yes), verdict("no", skill="stop")]
-    for reply in (text("\n".join(map(json.dumps, several))), calls(*(("verdict", one) for one in several))):
-        found, _ = verify(reply)
-        assert (found.accepted, found.answers) == (True, ())
-        assert "several" in found.failed_open
+    for reply in (text("\n".join(map(json.dumps, several))), calls(*(("verdict", answers) for answers in several))):
+        ruling, _ = verify(reply)
+        assert (ruling.accepted, ruling.answers) == (True, ())
+        assert "several" in ruling.failed_open
 
 
 def test_a_wrong_key_is_not_passed_over(verify):
@@ -180,6 +180,6 @@ def test_a_wrong_key_is_not_passed_over(verify):
 def test_a_model_without_tools_verifies_in_words(begin, view, skills):
     answer = text(json.dumps(verdict("no", skill="stop", parameters={})))
     with OpenAIServer(refusing("tools", refusing("response_format", [answer]))) as server:
-        found = begin(server, "verifiers").verify(view(), WALK, skills["walk"], "")
-    assert found.replacement == Call("stop")
+        ruling = begin(server, "verifiers").verify(view(), WALK, skills["walk"], "")
+    assert ruling.replacement == Call("stop")
     assert "check_1_answer" in server.requests[-1].role("system")

@@ -35,12 +35,12 @@ async def client(heard):
     async def logged(message):
         heard.append((message.level, message.data))
 
-    async def told(message):
+    async def received(message):
         if isinstance(message, types.ResourceUpdatedNotification):
             heard.append(str(message.params.uri))
 
     server = make_server(Handlers(Bodies(Settings(max_steps=5, progress_every=0.005))))
-    async with Client(server, mode="legacy", logging_callback=logged, message_handler=told) as client:
+    async with Client(server, mode="legacy", logging_callback=logged, message_handler=received) as client:
         yield client
 
 
@@ -53,16 +53,16 @@ async def begun(client, heard):
 
 
 async def test_a_call_tells_its_progress_to_those_who_ask(begun):
-    told = []
+    updates = []
 
     async def note(progress, total, message):
-        told.append((progress, message))
+        updates.append((progress, message))
 
     await begun.call_tool("walk", {"z_cm": 30}, progress_callback=note)
-    seconds = [progress for progress, _ in told]
-    assert len(told) >= 3, "a step of the body takes longer than three times 5 ms"
+    seconds = [progress for progress, _ in updates]
+    assert len(updates) >= 3, "a step of the body takes longer than three times 5 ms"
     assert seconds == sorted(set(seconds)), "progress only ever grows"
-    assert told[-1][1] == "The body is moving."
+    assert updates[-1][1] == "The body is moving."
 
 
 async def test_log_messages_come_at_the_level_that_was_asked_for(begun, heard):
@@ -113,5 +113,5 @@ async def test_the_view_can_be_read_as_a_picture(begun):
 
 async def test_arguments_are_completed(begun):
     task = types.PromptReference(name="task")
-    found = await begun.complete(task, {"name": "instruction", "value": "find a c"})
-    assert found.completion.values == ["Find a chair.", "Find a couch and sit on it."]
+    answer = await begun.complete(task, {"name": "instruction", "value": "find a c"})
+    assert answer.completion.values == ["Find a chair.", "Find a couch and sit on it."]

@@ -40,7 +40,7 @@ def url():
     """A server on a free port, with room for two bodies."""
     command = [sys.executable, *COMMAND, "--http", "--port", "0", "--bodies", "2"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
-        yield next(found[0] for line in server.stderr if (found := re.search(r"http://\S+", line)))
+        yield next(match[0] for line in server.stderr if (match := re.search(r"http://\S+", line)))
         server.terminate()
 
 
@@ -140,10 +140,10 @@ def test_a_request_that_is_too_large_is_refused(url):
 def test_a_port_that_is_taken_is_told_in_a_sentence(url):
     port = url.split(":")[-1].split("/")[0]
     command = [sys.executable, *COMMAND, "--http", "--port", port]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert told.returncode == 2
-    assert f"cannot listen on port {port}" in told.stderr
-    assert "Traceback" not in told.stderr
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 2
+    assert f"cannot listen on port {port}" in result.stderr
+    assert "Traceback" not in result.stderr
 
 
 signals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that asks for the end")

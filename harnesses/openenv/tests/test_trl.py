@@ -57,11 +57,11 @@ def _model(tokenizer):
 def test_a_tool_of_the_environment_is_a_skill_as_the_bench_tells_it(kind):
     from transformers.utils import get_json_schema
 
-    told = get_json_schema(kind().walk)["function"]
-    assert told["name"] == "walk"
-    assert next(iter(told["parameters"]["properties"])) == "thoughts"
-    assert told["parameters"]["properties"]["z_cm"]["type"] == "integer"
-    assert "Walking into a wall" in told["description"]
+    tool = get_json_schema(kind().walk)["function"]
+    assert tool["name"] == "walk"
+    assert next(iter(tool["parameters"]["properties"])) == "thoughts"
+    assert tool["parameters"]["properties"]["z_cm"]["type"] == "integer"
+    assert "Walking into a wall" in tool["description"]
 
 
 def test_an_environment_ends_with_its_task(kind):

@@ -42,24 +42,24 @@ def test_labels_are_what_the_simulator_knows(plugins):
     renderer, scene, camera = plugins.make("renderers", "raster"), builder.scene(), ego_camera(rest_pose())
     renderer.load(scene)
     view = renderer.render(WorldState(rest_pose(), {}), camera)
-    found = example(view, scene, camera, 0.0)
+    labelled = example(view, scene, camera, 0.0)
     middle = view.ids.reshape(CELLS, 8, CELLS, 8)[:, 4, :, 4]
-    assert {*np.unique(found.kinds[middle == 2])} <= {CLASSES.index("couch"), CLASSES.index("floor")}
-    assert (found.kinds == CLASSES.index("couch")).sum() > 100
-    assert (found.kinds == CLASSES.index("floor")).sum() > 500
+    assert {*np.unique(labelled.kinds[middle == 2])} <= {CLASSES.index("couch"), CLASSES.index("floor")}
+    assert (labelled.kinds == CLASSES.index("couch")).sum() > 100
+    assert (labelled.kinds == CLASSES.index("floor")).sum() > 500
     # Where the labels say floor, a level floor under these eyes has the depth that they say.
-    floor = pilot.imagined(view.rgb, glance(), found.kinds < 0, GAZES["body"], 3.5, 0.0).depth[4::8, 4::8]
-    on_floor = found.kinds == CLASSES.index("floor")
-    assert np.median(np.abs(floor / found.depth - 1)[on_floor]) < 0.01
+    floor = pilot.imagined(view.rgb, glance(), labelled.kinds < 0, GAZES["body"], 3.5, 0.0).depth[4::8, 4::8]
+    on_floor = labelled.kinds == CLASSES.index("floor")
+    assert np.median(np.abs(floor / labelled.depth - 1)[on_floor]) < 0.01
 
 
 @pytest.mark.integration
 def test_views_come_from_training_houses_and_can_be_read_again(plugins, tmp_path):
-    found = list(planted(plugins, 0, [rest_pose()], 2))
-    written(tmp_path / "views.npz", found)
+    views = list(planted(plugins, 0, [rest_pose()], 2))
+    written(tmp_path / "views.npz", views)
     with np.load(tmp_path / "views.npz") as read:
         assert read["picture"].shape == (2, SIZE, SIZE, 3)
-        assert (read["kinds"][1] == found[1].kinds).all()
+        assert (read["kinds"][1] == views[1].kinds).all()
     with pytest.raises(HumanclawError, match="first"):
         next(planted(plugins, 500_000, [rest_pose()], 1))  # A house of dev.
 
@@ -105,7 +105,7 @@ def test_numpy_and_torch_agree_and_training_resumes(tmp_path, monkeypatch):
     data, out = (pictures, kinds, np.full(kinds.shape, 2, np.float16)), tmp_path / "eyes.safetensors"
     training.train(data, out, 4, 0, print, every=2)
 
-    def interrupt(told):
+    def interrupt(progress):
         raise KeyboardInterrupt
 
     again = tmp_path / "again.safetensors"
@@ -122,9 +122,9 @@ def test_numpy_and_torch_agree_and_training_resumes(tmp_path, monkeypatch):
     model = training.TorchLayers().eval()
     model.load_state_dict(torch.load(training._beside(out))["model"])
     with torch.no_grad():
-        told = model(torch.from_numpy(prepared(pictures[:1])))[0].numpy()
-    found = Eyes.read(out)(pictures[0].repeat(2, 0).repeat(2, 1))
-    assert np.abs(np.exp(told[-1]) / found.depth - 1).max() < 0.05  # Weights are kept in half precision.
+        outputs = model(torch.from_numpy(prepared(pictures[:1])))[0].numpy()
+    seen = Eyes.read(out)(pictures[0].repeat(2, 0).repeat(2, 1))
+    assert np.abs(np.exp(outputs[-1]) / seen.depth - 1).max() < 0.05  # Weights are kept in half precision.
     assert (halved(pictures[0].repeat(2, 0).repeat(2, 1)) == pictures[0]).all()
 
 
@@ -145,20 +145,20 @@ def test_the_shipped_weights_are_those_of_this_network_and_small():
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "message"),
     [
         (lambda weights: weights.pop("answer.bias"), "another network"),
         (lambda weights: weights.update({"answer.bias": np.full(10, np.nan, np.float16)}), "not finite"),
     ],
 )
-def test_weights_of_another_network_are_refused(damage, told, tmp_path):
+def test_weights_of_another_network_are_refused(damage, message, tmp_path):
     weights = load_file(WEIGHTS)
     save_file({**weights, "answer.bias": weights["answer.bias"] + 1}, tmp_path / "pilot.safetensors")
     assert Eyes.read(tmp_path / "pilot.safetensors").digest != Eyes.read().digest
     damage(weights)
     save_file(weights, tmp_path / "pilot.safetensors")
     for path in (tmp_path / "pilot.safetensors", tmp_path, tmp_path / "none"):
-        with pytest.raises(HumanclawError, match=told if path.suffix else "cannot read the pilot's weights"):
+        with pytest.raises(HumanclawError, match=message if path.suffix else "cannot read the pilot's weights"):
             Eyes.read(path)
 
 
@@ -201,7 +201,7 @@ class Calls:
     """A planner that calls a skill of one role."""
 
     def __init__(self, skills, role):
-        self._call = Call(next(name for name, one in skills.items() if one.role == role))
+        self._call = Call(next(name for name, skill in skills.items() if skill.role == role))
 
     def decide(self, observation, history):
         return Decision((self._call,))
@@ -241,15 +241,15 @@ def test_each_new_search_believes_nearer_obstacles_alone(plugins, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["data", "--houses", "seven", "--out", "views"], "expects FIRST:END, such as 0:150; it got 'seven'"),
         (["data", "--houses", "5:5", "--out", "views"], "expects FIRST:END"),
         (["measure", "."], "no views"),
     ],
 )
-def test_what_a_command_cannot_use_is_told_before_writing(words, told, tmp_path, monkeypatch):
+def test_what_a_command_cannot_use_is_told_before_writing(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(HumanclawError, match=told):
+    with pytest.raises(HumanclawError, match=message):
         command.main(words, standalone_mode=False)
     assert list(tmp_path.iterdir()) == []

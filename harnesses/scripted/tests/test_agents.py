@@ -140,10 +140,10 @@ def test_the_oracle_finds_another_way_around_the_unexpected() -> None:
 def test_the_oracle_says_that_it_sees_the_target_only_in_view() -> None:
     walker = Walker(two_rooms(), (20,))
     log = play(OracleAgent(), walker, episode(walker.scene, "couch", 20, sit=True))
-    told = [decision.visible_state for decision, _ in log]
-    assert told[0].startswith("I am in the bedroom. No couch is in view")
-    assert any(re.search(r"A couch is ahead", words) for words in told)
-    assert "No couch is in view" in told[-1], "it sits with its back to the couch"
+    states = [decision.visible_state for decision, _ in log]
+    assert states[0].startswith("I am in the bedroom. No couch is in view")
+    assert any(re.search(r"A couch is ahead", words) for words in states)
+    assert "No couch is in view" in states[-1], "it sits with its back to the couch"
 
 
 def test_the_oracle_looks_at_a_target_behind_it_before_it_sits_down() -> None:
@@ -207,9 +207,9 @@ def test_the_oracle_stays_on_its_storey_where_a_target_is_there_too() -> None:
 def test_the_oracle_says_that_it_is_on_the_stairs() -> None:
     walker = Walker(two_storeys(), (31,))
     log = play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True))
-    told = [decision.reasoning for decision, call in log if call.skill == "climb_upstairs"]
-    assert told[0] == f"I take step 1 of {STEPS} up the stairs."
-    left = [float(found[1]) for decision, _ in log if (found := re.search(r"([0-9.]+) m left", decision.progress))]
+    reasons = [decision.reasoning for decision, call in log if call.skill == "climb_upstairs"]
+    assert reasons[0] == f"I take step 1 of {STEPS} up the stairs."
+    left = [float(match[1]) for decision, _ in log if (match := re.search(r"([0-9.]+) m left", decision.progress))]
     assert left[0] > 9.0
     assert max(np.diff(left)) < 0.5
 

@@ -73,8 +73,8 @@ def test_a_view_of_a_corner_tells_how_far_the_body_really_went() -> None:
     truth, asked = Pose2D(0.05, 0.31, 0.1), moved(Pose2D(), 0.0, 0.4, 0.15)
     away = corner - [truth.x, truth.z]
     local = np.linalg.solve(placed(Pose2D(0, 0, truth.yaw), np.eye(2)).T, away.T).T + rng.normal(0, 0.01, away.shape)
-    found, left = aligned(local, cKDTree(corner), asked)
-    assert (found.x, found.z, found.yaw) == pytest.approx((truth.x, truth.z, truth.yaw), abs=0.02)
+    place, left = aligned(local, cKDTree(corner), asked)
+    assert (place.x, place.z, place.yaw) == pytest.approx((truth.x, truth.z, truth.yaw), abs=0.02)
     assert left < 0.02
 
 

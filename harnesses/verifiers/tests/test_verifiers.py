@@ -23,12 +23,12 @@ def _evaluated(script, tmp_path, *words):
     """Run vf-eval on the first task of `approach`; return the trace of its rollout and the model's requests."""
     command = [Path(sys.executable).parent / "vf-eval", "humanclaw-verifiers", "-n", "1", "-r", "1"]
     options = {"tasks": "approach", "options": json.dumps({"houses": 1})}
-    told = [word for key, value in options.items() for word in (f"--env.taskset.{key}", value)]
+    flags = [word for key, value in options.items() for word in (f"--env.taskset.{key}", value)]
     with OpenAIServer(script) as server:
-        told += ["--model", "scripted", "--client.base-url", server.url, "--client.api-key-var", "SCRIPTED_KEY"]
-        told += ["--output-dir", str(tmp_path), "--rich", "None", *words]
+        flags += ["--model", "scripted", "--client.base-url", server.url, "--client.api-key-var", "SCRIPTED_KEY"]
+        flags += ["--output-dir", str(tmp_path), "--rich", "None", *words]
         done = subprocess.run(
-            [*command, *told], env={**os.environ, "SCRIPTED_KEY": "none"}, cwd=tmp_path, capture_output=True, text=True
+            [*command, *flags], env={**os.environ, "SCRIPTED_KEY": "none"}, cwd=tmp_path, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr[-3000:]
         (file,) = tmp_path.rglob("traces.jsonl")
@@ -47,7 +47,7 @@ def test_an_evaluation_scores_what_the_body_did(tmp_path):
     assert "Calling stop ends the episode" in requests[0].role("system")
     assert [len(request.images) for request in requests] == [1, 2, 3, 4]
     assert "no call" in requests[2].text
-    assert all("content" in one for one in requests[2].messages), "a server may refuse a message of nothing"
+    assert all("content" in message for message in requests[2].messages), "a server may refuse a message of nothing"
     assert "2 calls" in requests[3].text
     metrics = trace["metrics"]
     assert (metrics["steps"], metrics["solved"], metrics["found"], metrics["arrived"]) == (4, 0, 1, 0)
