@@ -17,6 +17,8 @@ ELEVATION: Final = float(np.radians(38))
 BEHIND: Final = float(np.pi * 0.8)
 """Side from which a camera sees the body in a house, radians from straight ahead of it. Aside of its back, a picture
 also shows how it sits."""
+SIDES: Final = (BEHIND, -BEHIND, np.pi * 0.55, -np.pi * 0.55, np.pi * 0.3, -np.pi * 0.3)
+"""Sides from which a film may see the body in a house, radians; those that show where it goes first."""
 FOV: Final = 48.0
 """Vertical field of view, degrees."""
 FACING, BESIDE = float(np.radians(30)), float(np.radians(65))
@@ -57,9 +59,9 @@ def side(motion: Motion) -> float:
     return BESIDE if abs(ahead) > max(abs(left), 0.1) else FACING
 
 
-def follow(motion: Motion) -> Array:
-    """Return (T, 3) positions, metres, of a camera that sees the body from behind and above."""
-    yaw = motion.yaw() + BEHIND
+def follow(motion: Motion, side: float = BEHIND) -> Array:
+    """Return (T, 3) positions, metres, of a camera that sees the body from a side (radians) and above."""
+    yaw = motion.yaw() + side
     # A mean over two seconds: a camera that turned with every step would shake.
     flat = smoothed(np.stack([np.sin(yaw), np.cos(yaw)], -1), 20.0)
     flat *= np.cos(ELEVATION) / np.linalg.norm(flat, axis=1, keepdims=True)

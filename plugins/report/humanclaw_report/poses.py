@@ -13,7 +13,8 @@ from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.storage import save_picture
 from humanclaw.world import Camera, WorldState, floors_of, together
 from humanclaw_report.floor_plan import colour
-from humanclaw_report.playback import AWAY, SLAB, in_the_way, loosened, opened, step_at
+from humanclaw_report.playback import AWAY, SLAB, loosened, opened, step_at
+from humanclaw_report.shots import in_the_way, kept, left_out
 
 APART: Final = 1.0
 """Way from one body to the next, metres."""
@@ -38,13 +39,21 @@ def poses(episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path,
     frames = moments(motion.root)
     bodies, joints = [motion[frame : frame + 1] for frame in frames], motion.joints()[frames]
     above = min((floor for floor in floors_of(scene) if floor > joints[:, 0, 1].max()), default=np.inf)
-    shown, seen = opened(scene, above - SLAB), joints[:, JOINT_INDEX["head"]] + [0.0, 0.25, 0.0]
+    keep, shown, seen = (
+        kept(episode, scene),
+        opened(scene, above - SLAB),
+        joints[:, JOINT_INDEX["head"]] + [0.0, 0.25, 0.0],
+    )
 
     def judged(side: int) -> tuple[float, Camera, frozenset[int]]:
         camera = _camera(joints, 2 * np.pi * side / SIDES, (_FINE * size[0], _FINE * size[1]))
-        hidden = frozenset[int]().union(*(in_the_way(shown, body, camera.position[None])[0] for body in bodies))
+        hiding = in_the_way(shown, joints, camera.position[None])
         gaps = np.linalg.norm(np.diff(camera.pixels(seen), axis=0), axis=1) / camera.width
-        return float(gaps.mean() if len(gaps) else 0.0) - _HIDING * len(hidden), camera, hidden
+        return (
+            float(gaps.mean() if len(gaps) else 0.0) - _HIDING * len(hiding),
+            camera,
+            left_out(shown, hiding.keys(), keep),
+        )
 
     _, camera, hidden = max(map(judged, range(SIDES)), key=lambda view: view[0])
     renderer.load(loosened(shown, hidden))

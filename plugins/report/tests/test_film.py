@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -20,9 +21,10 @@ from humanclaw.storage import gif
 from humanclaw.world import Camera, View, WorldState, person_id
 from humanclaw_report.camera import DISTANCE, FOV, follow, framed
 from humanclaw_report.film import GIF_SIZE, film
-from humanclaw_report.playback import FilmScene, hung_on, opened
+from humanclaw_report.playback import FilmScene, opened
 from humanclaw_report.poses import moments, poses
 from humanclaw_report.replay import replay
+from humanclaw_report.shots import in_the_way, left_out
 
 
 class Painter:
@@ -96,17 +98,38 @@ def test_on_an_open_floor_all_of_a_walk_is_in_the_picture(made: tuple[RecordedEp
     assert np.ptp(seen[0, :, 1]) > 0.5 * 90, "large while it stands"
 
 
-def test_a_wall_is_left_out_as_long_as_it_hides_the_body(made: tuple[RecordedEpisode, Scene]) -> None:
+def test_a_wall_is_left_out_of_a_shot_in_which_it_hides_the_body(made: tuple[RecordedEpisode, Scene]) -> None:
     episode, scene = made
-    motion = episode.motion()
-    x, _, z = (follow(motion)[0] + motion.root[0]) / 2
-    wall = asset("between", "wall", block(0.1, 2.5, 0.1))
-    walled = replace(
-        scene, assets=scene.assets | {"between": wall}, objects=(*scene.objects, scene_object(90, wall, x, z))
-    )
+    wall = asset("behind", "wall", block(2.0, 2.5, 0.1))
+    at = scene_object(90, wall, scene.start.x, scene.start.z - 0.6)
+    walled = replace(scene, assets=scene.assets | {"behind": wall}, objects=(*scene.objects, at))
     hidden = FilmScene.of(episode, walled).hidden
     assert 90 in hidden[0]
     assert 90 not in hidden[-1]
+
+
+def test_the_target_is_in_all_of_the_film(made: tuple[RecordedEpisode, Scene]) -> None:
+    assert not any(made[0].record.targets.keys() & hidden for hidden in FilmScene.of(*made).hidden)
+
+
+def test_a_thing_comes_and_goes_only_at_a_cut(made: tuple[RecordedEpisode, Scene]) -> None:
+    film_scene = FilmScene.of(*made)
+    changes = {frame for frame, (a, b) in enumerate(pairwise(film_scene.hidden), start=1) if a != b}
+    jumps = np.linalg.norm(np.diff(film_scene.eyes, axis=0), axis=1) > 0.3
+    assert changes
+    assert changes <= set(np.flatnonzero(jumps) + 1)
+
+
+def test_the_camera_goes_where_the_couch_hides_less_of_the_body(made: tuple[RecordedEpisode, Scene]) -> None:
+    episode, scene = made
+    joints, film_scene = episode.motion().joints(), FilmScene.of(episode, scene)
+    chosen, behind = (in_the_way(scene, joints, eyes)[20][-15:] for eyes in (film_scene.eyes, follow(episode.motion())))
+    assert (chosen < behind).all()
+
+
+def test_a_film_of_an_open_floor_is_one_shot(made: tuple[RecordedEpisode, Scene]) -> None:
+    episode, scene = made
+    assert len(set(FilmScene.of(episode, replace(scene, rooms=())).hidden)) == 1
 
 
 @pytest.mark.integration
@@ -169,17 +192,20 @@ def test_the_upper_storey_is_shown_once_the_body_is_on_it(climbed: tuple[Recorde
     assert (np.diff(film_scene.storeys) >= 0).all(), "it does not flicker"
 
 
-def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
+def test_what_hangs_on_a_thing_or_stands_on_it_is_left_out_with_it() -> None:
     wall, frame, crate = (
         asset("w", "wall", block(4, 2.5, 0.1)),
         asset("p", "picture", block(0.6, 0.4, 0.03)),
         asset("c", "box", block(0.4, 0.4, 0.4)),
     )
-    placed = (scene_object(90, wall, 4, 3), scene_object(91, frame, 4, 3.08, y=1.4), scene_object(92, crate, 4, 3.2),
-              scene_object(93, frame, 4, 4.5, y=1.4))  # fmt: skip
-    scene = two_rooms()
-    assets = scene.assets | {asset.name: asset for asset in (wall, frame, crate)}
-    assert hung_on(replace(scene, assets=assets, objects=(*scene.objects, *placed)), 90) == {91}
+    placed = (scene_object(90, wall, 4, 3), scene_object(91, frame, 4, 3.08, y=1.4), scene_object(92, crate, 4, 3.4),
+              scene_object(93, frame, 4, 4.5, y=1.4), scene_object(94, crate, 4, 3.4, y=0.4))  # fmt: skip
+    plain = two_rooms()
+    assets = plain.assets | {asset.name: asset for asset in (wall, frame, crate)}
+    scene = replace(plain, assets=assets, objects=(*plain.objects, *placed))
+    assert left_out(scene, {90}, frozenset()) == {90, 91}
+    assert left_out(scene, {92}, frozenset()) == {92, 94}
+    assert left_out(scene, {92}, frozenset({94})) == set(), "a target would float"
 
 
 def test_the_renderer_is_given_each_storey_once(climbed: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
