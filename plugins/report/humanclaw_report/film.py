@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import repeat
 from pathlib import Path
 from typing import Final, Literal
 
@@ -22,6 +23,8 @@ FILM_SIZE: Final = (1280, 720)
 """Width and height of 720p, pixels: both even, as H.264 wants them."""
 GIF_SIZE: Final = (480, 270)
 """Smaller than a film: GIF compresses poorly, and a larger one loads too slowly."""
+SHORT: Final = 2 * FPS
+"""A film of fewer frames of motion is over before one looks, so its first and last picture last a second each."""
 GIF_BYTES: Final = 1 << 30
 """Maximum bytes of a GIF's pictures, which are all in memory at once."""
 
@@ -51,7 +54,8 @@ def film(
     if kind == "gif" and len(film_scene.motion) // every * size[0] * size[1] * 3 > GIF_BYTES:
         problem = f"a GIF of {len(film_scene.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
         raise HumanclawError(problem, "Name a smaller size, a larger every, or an MP4 file.")
-    pictures = _pictures(film_scene, renderer, every, size)
+    still = FPS // every if len(film_scene.motion) < SHORT else 0
+    pictures = _held(_pictures(film_scene, renderer, every, size), still)
     try:
         with Folder(out.parent).placed(out.name) as file:
             _mp4(pictures, file, FPS / every, size) if kind == "mp4" else gif(list(pictures), file, FPS / every)
@@ -85,6 +89,15 @@ def _pictures(film_scene: FilmScene, renderer: Renderer, every: int, size: tuple
         if step and step.frame_file != inset[0]:
             inset = (step.frame_file, _ego(film_scene.episode.picture(step), size[1] // 3))
         yield _caption(shot, step, inset[1])
+
+
+def _held(pictures: Iterator[Picture], still: int) -> Iterator[Picture]:
+    """Yield all pictures, and the first and the last one so many more times."""
+    last = next(pictures)
+    yield from repeat(last, still + 1)
+    for last in pictures:
+        yield last
+    yield from repeat(last, still)
 
 
 def _ego(view: Picture | None, side: int) -> Image.Image | None:

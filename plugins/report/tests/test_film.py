@@ -144,6 +144,20 @@ def test_an_mp4_lasts_as_long_as_the_episode(made: tuple[RecordedEpisode, Scene]
     assert sum(1 for _ in frames) == len(range(0, len(episode.motion()), every))
 
 
+@pytest.mark.integration
+def test_a_short_film_begins_and_ends_with_a_still_second(
+    made: tuple[RecordedEpisode, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A call of half a second is over before one looks."""
+    episode, scene = made
+    first = episode.motion()[:20]
+    monkeypatch.setattr(RecordedEpisode, "motion", lambda episode: first)
+    path = film(episode, replace(scene, rooms=()), Painter(), tmp_path / "film.mp4", every=2, size=(160, 120))
+    frames = imageio_ffmpeg.read_frames(str(path))
+    next(frames)
+    assert sum(1 for _ in frames) == 15 + 10 + 15
+
+
 def test_a_gif_shows_the_ego_view_in_the_corner(made: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
     episode, scene = made
     path = film(episode, scene, Painter(), tmp_path / "film.gif", kind="gif", every=15, size=(160, 120))
