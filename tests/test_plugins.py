@@ -332,9 +332,16 @@ def test_a_file_with_a_name_that_is_taken_asks_which_one_is_meant(bows):
     assert said(Plugins.discover([bows], Choice(without=("mine:bow",)))) == "Bow as aa."
 
 
-@pytest.mark.parametrize("choice", [Choice(without=("nobody",)), Choice(skills=("wlak",))])
-def test_a_misspelt_choice_is_not_passed_over(choice):
-    with pytest.raises(PluginError, match=r"names nothing|Did you mean walk"):
+@pytest.mark.parametrize(
+    ("choice", "remedy"),
+    [(Choice(without=("nobody",)), "See `humanclaw plugins`"), (Choice(skills=("wlak",)), "Did you mean walk"),
+     (Choice(without=("sit",)), "Did you mean sit_in_place or humanclaw-bench:sit"),
+     (Choice(without=("oracle",)), "Did you mean humanclaw-scripted:oracle"),
+     (Choice(without=("humanclaw-bench:sit", "sit")), "Did you mean sit_in_place"),
+     (Choice(without=("humanclaw:hips.left",)), "takes the name of a skill")],
+)  # fmt: skip
+def test_a_choice_that_leaves_out_nothing_is_refused(choice, remedy):
+    with pytest.raises(PluginError, match=remedy):
         Plugins.discover(choice=choice)
 
 

@@ -29,9 +29,7 @@ class Choice:
 
     def drops(self, item: Registration, kind: str) -> bool:
         """Whether an item of a plugin is left out."""
-        return any(
-            (":" in text and means(text, item)) or (kind == "skills" and text == item.name) for text in self.without
-        )
+        return any(drops(text, item, kind) for text in self.without)
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,11 @@ class Registration:
     owner: str
     value: Any
     description: str = ""
+
+
+def drops(text: str, item: Registration, kind: str) -> bool:
+    """Whether a text of `without` leaves out an item of a plugin that stays."""
+    return means(text, item) if ":" in text else kind == "skills" and text == item.name
 
 
 def means(text: str, item: Registration) -> bool:

@@ -45,7 +45,7 @@ from humanclaw.errors import (
     in_words,
 )
 from humanclaw.plugins import distributions, hookspecs
-from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner, means
+from humanclaw.plugins.choice import Choice, PluginInfo, Registration, drops, is_owner, means
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.text.json import first_fault
 from humanclaw.text.words import did_you_mean, nearest
@@ -78,8 +78,8 @@ class Plugins:
         self._infos: list[PluginInfo] = []
         self._items: dict[str, list[Registration]] = {}
         """By kind, the name of the hook without `humanclaw_`, in order of preference: a name alone means the first."""
-        self._unused: list[Registration] = []
-        """Faulty skills, and items that the choice leaves out."""
+        self._unused: dict[str, list[Registration]] = {}
+        """Faulty skills, and items that the choice leaves out, by kind."""
         self._specs: list[ModuleType] = []
         self._leading: set[str] = set()
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
@@ -194,7 +194,8 @@ class Plugins:
         self._leading |= {name} if first else set()
         for kind, items in gathered.items.items():
             self._items[kind] = sorted([*self._items[kind], *items], key=self._place)
-        self._unused += gathered.unused
+        for kind, items in gathered.unused.items():
+            self._unused.setdefault(kind, []).extend(items)
         self._infos.append(PluginInfo(name, version, origin, (), "", gathered.disabled, (), gathered.notes))
 
     def _place(self, item: Registration) -> tuple[bool, ...]:
@@ -263,15 +264,25 @@ class Plugins:
 
     def _check_choice(self) -> None:
         """Raise PluginError if the choice names something that is not installed: it may be misspelt."""
-        plugins = (Registration("", info.name, None) for info in self._infos)
-        known = [*chain(*self._items.values()), *self._unused, *plugins]
+        plugins = [info.name for info in self._infos if info.name != hookspecs.PROJECT]
         for text in self.choice.without:
-            if not any(means(text, item) or text == item.name for item in known):
-                near = did_you_mean(text, {item.owner for item in known})
-                message = f"--without {text} names nothing that is installed."
-                raise PluginError(message, f"See `humanclaw plugins`. {near}".rstrip())
+            dropped = (drops(text, item, kind) for kind, items in self._unused.items() for item in items)
+            if not any(is_owner(text, name) for name in plugins) and not any(dropped):
+                message = f"--without takes the name of a skill, of a plugin, or OWNER:NAME; got {text!r}."
+                raise PluginError(message, self._likely(text, plugins) or "See `humanclaw plugins`.")
         for name in self.choice.skills:
             self.skill(name)
+
+    def _likely(self, text: str, plugins: Iterable[str]) -> str:
+        """Return a question with what can be left out and has a text's name or beginning, or else is near it."""
+        owner, colon, name = text.rpartition(":")
+        items = [item for item in chain(*self._items.values()) if item.owner != hookspecs.PROJECT]
+        begun = [] if colon else [skill for skill in self._first("skills") if skill.startswith(name)]
+        named = dict.fromkeys(f"{item.owner}:{item.name}" for item in items if item.name == name)
+        if begun or named:
+            return f"Did you mean {' or '.join([*begun, *named])}?"
+        whole = [f"{owner}:{item.name}" for item in items if is_owner(owner, item.owner)]
+        return did_you_mean(text, whole if colon else [*self._first("skills"), *plugins])
 
     # -- plugins -------------------------------------------------------------------------------------------------------
     def tell(self, hook: str, **event: Any) -> None:
@@ -298,7 +309,7 @@ class Plugins:
 
     def idle_hooks(self, owner: str) -> list[str]:
         """Return the hooks that take `register` of a plugin that has registered nothing."""
-        if any(item.owner == owner for item in (*chain(*self._items.values()), *self._unused)):
+        if any(item.owner == owner for item in chain(*self._items.values(), *self._unused.values())):
             return []
         return sorted(self.hooks(owner) & {PREFIX + kind for kind in self._items})
 
@@ -344,7 +355,7 @@ class Plugins:
     def offered(self, kind: str, name: str) -> Any:
         """Return the item of a name, also a skill that is disabled or left out. Raises PluginError with the nearest
         names if there is none."""
-        unused = self._unused if kind == "skills" and name not in self._first(kind) else ()
+        unused = self._unused.get(kind, ()) if kind == "skills" and name not in self._first(kind) else ()
         named = next((item for item in unused if name == item.name or means(name, item)), None)
         return (named or self._find(kind, name)).value
 
@@ -505,7 +516,7 @@ class _Gathered:
     choice: Choice
     notes: tuple[str, ...]
     items: dict[str, list[Registration]] = field(default_factory=dict)
-    unused: list[Registration] = field(default_factory=list)
+    unused: dict[str, list[Registration]] = field(default_factory=dict)
     disabled: dict[str, str] = field(default_factory=dict)
     """Skills that break the contract, by name, with the reason."""
 
@@ -526,7 +537,7 @@ class _Gathered:
         item, kept = Registration(named, self.owner, value, description), self.items.setdefault(kind, [])
         other = next((other for other in kept if other.name == named), None)
         if self.choice.drops(item, kind):
-            self.unused.append(item)
+            self.unused.setdefault(kind, []).append(item)
         elif other is None:
             kept.append(item)
         elif other.value is not value:
@@ -551,7 +562,7 @@ class _Gathered:
 
     def _disable(self, name: str, value: Skill | Path, reason: str) -> None:
         self.disabled[name] = reason
-        self.unused.append(Registration(name, self.owner, value))
+        self.unused.setdefault("skills", []).append(Registration(name, self.owner, value))
 
     def disable_faulty_skills(self, measures: Mapping[str, Measure], priors: Mapping[str, Path]) -> None:
         """Check each skill against the contract, and take out those that break it."""
