@@ -80,7 +80,7 @@ def markdown() -> str:
         f"* {words}: " + ", ".join(f"{when} ({n})" for (then, when), n in common.items() if then == outcome)
         for outcome, words in OUTCOMES.items()
     ]
-    return "\n".join([*lines, "", f"{len(senders) - len(common)} rarer replies are in the file.\n"])
+    return "\n".join(lines) + "\n"
 
 
 def _filled(envelope: str, answer: str, end: str, usage: str) -> str:
