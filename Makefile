@@ -167,14 +167,14 @@ kill: install  ## Kill runs, submissions and cache writers KILLS=200 times on tw
 fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run (hours)
 	$(BIN)/python -m pytest -p fuzzing --hypothesis-profile=fuzz -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py -q
 
-perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
+perf: $(READY)  ## Guard speed: compare ten ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)
 
 peers: install  ## Measure motion, views, physics, steps and start-up beside other libraries, each in its own environment (minutes; PyPI)
 	PYTHONPATH=tests/evidence $(BIN)/python tests/evidence/peers/peers.py
 
-cost: install  ## Measure how the cost of steps, workers and pages grows (minutes)
-	$(BIN)/python tests/evidence/cost.py
+cost: install  ## Measure how the cost of steps, calls, workers and pages grows (MORE="--short", or "--only pages --run FOLDER"; half an hour)
+	$(BIN)/python tests/evidence/cost.py $(MORE)
 
 soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)
 	$(BIN)/python tests/evidence/soak.py
