@@ -118,7 +118,7 @@ def on_post_build(config: Any) -> None:
 # -- docstrings --------------------------------------------------------------------------------------------------------
 def documented(markdown: str) -> str:
     """Put the docstrings of a name in the place of its link to the source, which readers of the clone follow."""
-    return _SOURCE.sub(lambda found: f"::: {found[1]}" + (_HOOKS if found[1].endswith("hookspecs") else ""), markdown)
+    return _SOURCE.sub(lambda match: f"::: {match[1]}" + (_HOOKS if match[1].endswith("hookspecs") else ""), markdown)
 
 
 # -- checks ------------------------------------------------------------------------------------------------------------

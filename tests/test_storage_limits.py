@@ -66,16 +66,16 @@ def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "problem"),
     [
         ({"id": "a b"}, "id: ' ' is not allowed in it."),
         ({"target_ids": ["couch"]}, "target_ids.0: expected a whole number; got 'couch'."),
         ({"start": [1, 2, 3]}, "start: expected a Pose2D, or an object of its fields; got [1, 2, 3]."),
     ],
 )
-def test_a_wrong_field_of_a_split_is_told_with_what_it_takes(tmp_path, changed, told):
+def test_a_wrong_field_of_a_split_is_told_with_what_it_takes(tmp_path, changed, problem):
     (tmp_path / "split.jsonl").write_text(json.dumps(json.loads(SPEC.model_dump_json()) | changed))
-    with pytest.raises(HumanclawError, match=re.escape(f"split.jsonl:1 is not an episode: {told}")):
+    with pytest.raises(HumanclawError, match=re.escape(f"split.jsonl:1 is not an episode: {problem}")):
         read_episodes(tmp_path / "split.jsonl")
 
 

@@ -12,15 +12,15 @@ from humanclaw_bench.two.partners import HAND, speaking
 def require_skills(specs: Iterable[EpisodeSpec], plugins: Plugins) -> None:
     """Raise PluginError, before anything is played or paid for, if an episode needs a skill that is missing."""
     skills = plugins.skills.values()
-    found = {
+    able = {
         "say": speaking(skills), "reach": suited(skills, *HAND, role="gesture"),
         "grasp": suited(skills, role="grasp"), "release": suited(skills, role="release"),
         "answer": any(map(_answers, skills)),
     }  # fmt: skip
-    lacking = [(spec, names) for spec in specs if (names := [name for name in _needed(spec) if not found[name]])]
+    lacking = [(spec, names) for spec in specs if (names := [name for name in _needed(spec) if not able[name]])]
     if not lacking:
         return
-    missing = [name for name in found if any(name in names for _, names in lacking)]
+    missing = [name for name in able if any(name in names for _, names in lacking)]
     if not {item.name for item in plugins.registered("skills")}.issuperset(missing):
         helpful = dict.fromkeys(name for spec, _ in lacking for name in _helpful(spec))
         try:

@@ -86,8 +86,8 @@ def test_neither_house_nor_place_nor_order_tells_an_answer(kind, most):
         answers = defaultdict(Counter)
         for spec in asked:
             answers[feature(spec)][spec.goal.answer] += 1
-        told = sum(max(counts.values()) for counts in answers.values())
-        assert told <= most, name
+        right = sum(max(counts.values()) for counts in answers.values())
+        assert right <= most, name
 
 
 @pytest.mark.parametrize("lacking", [{}, {"asks": "hand"}, {"answer": "yes"}])

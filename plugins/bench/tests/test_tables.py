@@ -417,8 +417,8 @@ def test_a_latex_table_has_the_chosen_columns_in_their_order(tmp_path: Path) -> 
 def test_episodes_without_a_target_are_said_to_be_unscored(tmp_path: Path) -> None:
     rollout(tmp_path, [step()], category="")
     shown = invoke("table", tmp_path)
-    told = "Not scored: no episode has a target. `humanclaw bench table RUN --full` prints what the body did.\n"
-    assert shown.output == told
+    line = "Not scored: no episode has a target. `humanclaw bench table RUN --full` prints what the body did.\n"
+    assert shown.output == line
 
 
 def test_a_table_fits_a_screen_and_says_every_note_once(tmp_path: Path) -> None:
