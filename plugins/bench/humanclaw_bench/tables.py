@@ -211,8 +211,9 @@ def causes_table(
     stages, pooled = tuple(dict.fromkeys(cause.stage for cause in causes)), _pooled(results)
     columns, failed, printed = _columns(pooled, paper)
     rows = [
-        Row(cause.label, (*(_share_of([cause], each[cause.stage]) for each in failed), *_paper_share(printed, [cause])))
+        Row(label, (*(_share_of([cause], each[cause.stage]) for each in failed), *_paper_share(printed, label)))
         for cause in causes
+        for label in [cause.label]
     ]
     nothing = (NONE,) * bool(printed)
     rows += [
@@ -239,12 +240,15 @@ def faculties_table(results: Sequence[Result], *, paper: bool = False) -> Result
     groups: dict[tuple[str, str], list[Cause]] = defaultdict(list)
     for cause in CAUSES:
         groups[cause.stage, cause.capability].append(cause)
-    rows = tuple(
-        Row(f"{stage}: {faculty}", (*(_share_of(group, each[stage]) for each in failed), *_paper_share(printed, group)))
-        for (stage, faculty), group in groups.items()
-    )
+    # The paper prints a sum of its own where a share is below 1 %.
+    sums = paper_results()["faculties"] if printed else {}
+    rows = []
+    for (stage, faculty), group in groups.items():
+        name = f"{stage}: {faculty}"
+        paper_share = _paper_share(sums, name) if name in sums else _paper_share(printed, *(c.label for c in group))
+        rows.append(Row(name, (*(_share_of(group, each[stage]) for each in failed), *paper_share)))
     notes = tuple(result.note for result in results)
-    return ResultTable("Faculties, share of the failures of each stage", "faculty", columns, rows, notes)
+    return ResultTable("Faculties, share of the failures of each stage", "faculty", columns, tuple(rows), notes)
 
 
 def _columns(
@@ -260,11 +264,10 @@ def _first(printed: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
     return list(next(iter(printed.values()), {}))
 
 
-def _paper_share(printed: Mapping[str, Mapping[str, float]], causes: Sequence[Cause]) -> tuple[Estimate, ...]:
+def _paper_share(printed: Mapping[str, Mapping[str, float]], *labels: str) -> tuple[Estimate, ...]:
     """Return the sum of the shares that the paper prints, for each of its columns."""
     return tuple(
-        Estimate(sum(printed.get(cause.label, {}).get(name, np.nan) for cause in causes) / 100)
-        for name in _first(printed)
+        Estimate(sum(printed.get(label, {}).get(name, np.nan) for label in labels) / 100) for name in _first(printed)
     )
 
 
@@ -352,21 +355,21 @@ def extra_table(results: Sequence[Result]) -> ResultTable:
     return table if metrics else replace(table, notes=("No plugin brings a metric. Give the file of one: --plugin.",))
 
 
-def brief_tables(results: Sequence[Result]) -> dict[str, ResultTable]:
+def brief_tables(results: Sequence[Result], *, paper: bool = False) -> dict[str, ResultTable]:
     """Return what fits a screen: headline numbers, the funnel, and the root causes that occurred.
 
-    Where no episode has a target, they are empty.
+    paper: with the paper's rows. Where no episode has a target, they are empty.
     """
     of = _apart(results)
     walks = of.walks if any(scores.category for result in of.walks for scores in result.scores) else []
     return {
-        "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False),
+        "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=paper),
         "tasks": result_table("tasks", of.own),
         "hands": _result_table("Tasks for hands", HANDS, of.hands, {}),
         "self": result_table("self", of.selves),
         "two": result_table("two", of.two),
-        "funnel": funnel_table(walks),
-        "causes": happened(causes_table(walks)),
+        "funnel": funnel_table(walks, paper=paper),
+        "causes": happened(causes_table(walks, paper=paper)),
         "hand-causes": happened(causes_table([*of.hands, *of.selves], HAND_CAUSES)),
         "two-causes": happened(causes_table(of.two, TWO_CAUSES)),
     }

@@ -37,12 +37,12 @@ from humanclaw_bench.writers import WRITERS, compare_table, plain, plain_differe
     multiple=True,
     help="Print one table with this column (repeatable). It may be a metric of a plugin.",
 )
-@click.option("--paper/--no-paper", default=True, help="Add the paper's rows for reference.")
+@click.option("--paper/--no-paper", default=None, help="Add the paper's rows, as all but the short tables do.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @PARTIAL
 @plugin_files
 def table(
-    runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool,
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool | None,
     full: bool, as_json: bool, partial: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Print the tables of one or more runs, one row per agent."""
@@ -51,11 +51,12 @@ def table(
         require_whole(results, partial)
     if columns and only:
         raise click.UsageError("--only and --column exclude each other.")
-    brief = form in ("terminal", "latex") and not (full or only or as_json)
+    brief = form in ("terminal", "latex") and not (full or only or columns or as_json)
+    paper = not brief if paper is None else paper
     if columns:
         tables = {"columns": chosen_table(results, columns, paper=paper)}
     else:
-        tables = brief_tables(results) if brief else all_tables(results, paper=paper)
+        tables = brief_tables(results, paper=paper) if brief else all_tables(results, paper=paper)
     chosen = {name: tables[name] for name in only} or filled(tables)
     if as_json:
         _print_json({name: plain(result) for name, result in chosen.items()})

@@ -128,6 +128,13 @@ def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int,
     assert ("Warning" in table.notes[0]) is (unasked > 1)
 
 
+@pytest.mark.parametrize(("words", "shown"), [((), (0, 0)), (("--paper",), (1, 2)), (("--column", "NavSR"), (1, 0))])
+def test_a_terminal_shows_the_papers_rows_if_asked(tmp_path: Path, words: tuple[str, ...], shown: tuple[int, int]):
+    """Its agents among results, and its pooled models in the funnel and among root causes."""
+    text = invoke("table", write_run(tmp_path, 2, 1), *words).output
+    assert ("GPT-5.5 \u2020" in text, text.count("nine models \u2020")) == shown
+
+
 def test_an_incomplete_run_is_told_and_refused_where_it_would_mislead(tmp_path: Path) -> None:
     whole, part = write_run(tmp_path / "a", 2, 1), write_run(tmp_path / "b", 2, 1)
     write_episodes(part / "split.jsonl", [episode.record.spec for episode in load_run(part)])
@@ -553,7 +560,7 @@ def test_causes_are_pooled_over_runs_and_summed_by_faculty(base: Scores):
     assert causes[jam] == [0.333, 0.0, 0.25, 0.14]
     assert faculties["nav: body awareness"] == [0.667, 0.0, 0.5, 0.34]
     assert faculties["nav: ego-spatial distance"] == causes[far]
-    assert faculties["nav: mid-level reasoning"][-1] == 0.165  # The paper prints 17: lost target, and found too late.
+    assert faculties["nav: mid-level reasoning"][-1] == 0.17  # As printed: 16, and below 1.
     assert len(faculties) == 12
 
 
