@@ -1,5 +1,7 @@
 """`humanclaw play`: one skill, at once, without an agent."""
 
+import json
+
 import pytest
 from click.testing import CliRunner
 
@@ -31,6 +33,10 @@ def play(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "nod.py").write_text(NOD)
     (tmp_path / "both.py").write_text(NOD + "    register(bow)\n")
+    for name, schema in {"skip": {}, "hop": {"required": [], "additionalProperties": False}}.items():
+        (tmp_path / name).mkdir()
+        schema = {"type": "object", "description": "Hop once.", "properties": {}} | schema
+        (tmp_path / name / "schema.json").write_text(json.dumps(schema))
 
     def play(*words):
         words = ["play", *words, "--film", "none", "--out", "run"]
@@ -124,6 +130,9 @@ def test_a_floor_with_something_unknown_is_refused(play, argument):
         (["nod.py", "degrees=far"], "'far' is not of type 'integer'"),
         (["nood"], "there is no skill 'nood'"),
         (["nod.txt"], "there is no plugin file nod.txt"),
+        (["nod.py", "--skills", "walk"], "--skills leaves out nod"),
+        (["hop"], "Train it with `humanclaw train adapter --skill hop`."),
+        (["skip"], "the schema of skill 'skip' is not valid: 'additionalProperties' is a required property"),
     ],
 )
 def test_what_cannot_be_played_is_told_before_anything_moves(play, tmp_path, words, message):

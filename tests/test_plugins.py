@@ -1,6 +1,7 @@
 """The plugin host: what is broken is named and disabled, what is ambiguous is refused, what is misspelt is guessed."""
 
 import importlib.metadata
+import json
 import os
 import subprocess
 import sys
@@ -388,6 +389,17 @@ def test_a_hook_on_its_way_out_is_told_of_and_still_works():
     plugins.add(plugin(hats=[("top", 1)]), "hatter")
     assert plugins.infos[-1].notes == ("use humanclaw_caps",)
     assert [offer.name for offer in plugins.registered("hats")] == ["top"]
+
+
+def test_a_file_says_how_to_train_its_skill(tmp_path, caplog):
+    (tmp_path / "hop").mkdir()
+    schema = {"type": "object", "description": "Hop.", "properties": {}, "required": [], "additionalProperties": False}
+    (tmp_path / "hop/schema.json").write_text(json.dumps(schema))
+    registers = "import pathlib\nfrom humanclaw import hookimpl\n@hookimpl\ndef humanclaw_skills(register):\n"
+    (tmp_path / "mine.py").write_text(registers + '    register(pathlib.Path(__file__).parent / "hop")\n')
+    Plugins.discover([tmp_path / "mine.py"])
+    assert "no model gets this one: skill 'hop' has no trained adapter" in caplog.text
+    assert f"Train it with `humanclaw train adapter --skill {tmp_path / 'hop'}`." in caplog.text
 
 
 def test_a_file_without_a_hook_is_told(tmp_path, caplog):

@@ -21,7 +21,7 @@ from humanclaw.plugins.host import Plugins, load_file, package_in
 from humanclaw.records.decisions import Decision
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.call import Call
-from humanclaw.skills.contract import Skill, suited
+from humanclaw.skills.contract import Skill, suited, untrained
 from humanclaw.skills.floor_scenes import FLOOR, SIDE, floor_for
 from humanclaw.skills.measures import to_si
 from humanclaw.text.words import did_you_mean
@@ -77,6 +77,10 @@ def play(
     console = Console(markup=False, emoji=False, highlight=False)
     plugins, chosen = _found(target, skill, files, choice)
     calls = [*_before(beginning, plugins), *[_call(chosen, words)] * count]
+    if not chosen.trained:
+        raise untrained(chosen)
+    if chosen.name not in plugins.skills:
+        raise HumanclawError(f"--skills leaves out {chosen.name}, which is to be played.", "Name it there as well.")
     backends = Backends(simulator, renderer, generator, sensors=("vision", "body", "touch"), prior=prior)
     scene = plugins.scene(_floor_for(chosen, calls[-1], count, beginning) if reference == FLOOR else reference)
     out = out or new_folder(chosen.name)
@@ -115,6 +119,8 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
 def _one_of(plugins: Plugins, owner: str, wanted: str) -> Skill:
     """Return the wanted skill of a plugin, or its only one. Raises HumanclawError if it has several or none."""
     names = [item.name for item in plugins.of_owner(owner, "skills")]
+    if not names and (faulty := plugins.info(owner).disabled):
+        raise HumanclawError("\n".join(faulty.values()))
     if not wanted and len(names) != 1:
         listed = f"--skill NAME: {', '.join(names)}" if names else "a file whose hook humanclaw_skills registers one"
         raise HumanclawError(f"{owner} holds {len(names)} skills; expected one.", f"Name {listed}.")

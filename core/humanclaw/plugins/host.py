@@ -142,6 +142,8 @@ class Plugins:
             return None
 
     def _add_file(self, path: Path) -> None:
+        from humanclaw.skills.contract import untrained
+
         number, name = 1, path.stem
         while self._manager.has_plugin(name):
             number, name = number + 1, f"{path.stem}-{number + 1}"
@@ -153,6 +155,9 @@ class Plugins:
                 raise PluginError(f"plugin file {path}: {reason}")
             _LOG.warning("plugin file %s: %s", path, reason)
         self._refuse_taken_names(name, path)
+        for item in self.of_owner(name, "skills"):
+            if not item.value.trained:
+                _LOG.warning("plugin file %s: no model gets this one: %s", path, untrained(item.value))
         if not self.hooks(name):
             _LOG.warning("plugin file %s has no hook, so it registers nothing. Write one with @hookimpl.", path)
         for hook in self.idle_hooks(name):
