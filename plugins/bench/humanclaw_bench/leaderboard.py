@@ -134,7 +134,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
         if not entry.apart:
             ranked[entry.table].append(entry)
     tables = {table: sorted(_labelled(entries), key=_rank, reverse=True) for table, entries in sorted(ranked.items())}
-    names = {table: _split(table[0], checks.hidden) for table in tables}
+    names = {table: _split(rows[0], checks.hidden) for table, rows in tables.items()}
     page = _template().render(
         splits=", ".join(dict.fromkeys(names.values())) or "no ranked run",
         sections=[
@@ -212,9 +212,12 @@ def _replayed(played: Sequence[Replayed], by: str) -> str:
     return f"{WHOLE}, but only {same}: {unknown[0]}" if unknown else f"{WHOLE}; {same}"
 
 
-def _split(split: str, hidden: str) -> str:
-    """Return the name of a split."""
-    return "hidden test" if hidden and split == hidden else known_split(split)[0] or "not one of the benchmark's"
+def _split(entry: Entry, hidden: str) -> str:
+    """Return the name of an entry's split: the benchmark's, or those of the functions that decide its tasks."""
+    split = entry.scored.manifest.split
+    own = dict.fromkeys(scores.spec.success for scores in entry.scored.result.scores if scores.spec)
+    other = ", ".join([*filter(None, own), "not one of the benchmark's"])
+    return "hidden test" if hidden and split == hidden else known_split(split)[0] or other
 
 
 def _labelled(entries: Sequence[Entry]) -> list[Entry]:

@@ -200,7 +200,10 @@ TWO: Final = (
     COLLISIONS,
 )  # fmt: skip
 """Columns of tasks with a partner."""
-ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE, *SELF, *TWO)))
+ALL: Final = tuple(
+    {metric.name: metric for metric in (*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE, *SELF, *TWO)}.values()
+)
+"""Every metric once by name: tables share `motion (s)` and `HoldSR`."""
 
 
 def extra_metric(name: str) -> Metric:

@@ -13,7 +13,7 @@ from humanclaw_bench.results import Result
 from humanclaw_bench.scoring import Runs, Scored, metrics_of, results_from, scored_runs
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import EXPLAINED, ResultTable, all_tables, happened
-from humanclaw_bench.writers import bearing, compared, texts
+from humanclaw_bench.writers import CORRECTED, bearing, compared, texts
 
 SHOWN = (
     "main", "tasks", "hands", "self", "two", "funnel", "causes", "faculties", "hand-causes", "two-causes",
@@ -90,7 +90,7 @@ def _add_comparison(first: Result, second: Result, page: Page) -> None:
     notes = (
         f"No difference shown (the interval contains 0): {alike or 'none'}.",
         f"{bearing(differences, shown)} Difference: {second.name} less {first.name}. p: the runs are swapped house by "
-        "house, exactly for rates, at random for the rest; corrected (Holm).",
+        f"house, exactly for rates, at random for the rest; {CORRECTED}",
     )
     head = ("metric", first.name, second.name, "difference", "p", "verdict")
     page.table("Metrics that differ", head, rows, notes=notes)

@@ -83,7 +83,8 @@ class Result:
     def _sentences(self) -> Iterator[str]:
         """Yield what is to be known of the row besides its extent."""
         if roles := " and ".join(sorted({s.privileged for s in self.scores if s.privileged})):
-            yield f"Privileged (knows scene and true state): {roles}."
+            # What it may read: `seeing` uses the view's depth and ids, and no map.
+            yield f"Privileged (may read scene, true state, target ids, and depth and ids of its view): {roles}."
         broken = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
         yield from (f"Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(broken.items()))
         unmet = Counter(cause.name for cause in self.causes if cause and cause.stage == "task")
@@ -100,6 +101,8 @@ class Result:
             yield "Played in the body's own process, which agent and verifier can change."
         if not all(s.in_pace for s in self.scores):
             yield f"Not at the paper's pace: {pace(self.scores)}."
+        if targetless := sum(bool(s.spec and s.spec.success) and not s.category for s in self.scores):
+            yield f"No target in {counted(targetless, 'episode')}: success is the function's alone."
         yield from self._refused()
         if self.conditions:
             yield f"Played with {summary(self.conditions)}."

@@ -146,15 +146,20 @@ WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {"markdown": markdo
 
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
+CORRECTED: Final = (
+    "corrected (Holm) for FindSR, ArriveSR and InteractSR, and separately for the other metrics, which are more: equal "
+    "data can have a larger p there."
+)
+
+
 def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
     """Return a table: for each metric both values, the difference with its interval, p, and a verdict."""
     caption = (
         f"{bearing(differences, metrics)} p: the runs are swapped house by house, exactly for rates (McNemar's test if "
-        "each house has one episode), at random for the rest; corrected (Holm) for FindSR, ArriveSR and InteractSR, "
-        f"and separately for the other metrics. Noise: p is {SIGNIFICANT} or more, and the interval contains 0 and "
-        f"excludes {100 * TELLING:.0f} points (if not a share, {TELLING:.0%} of the mean of both) either way. Too few "
-        "to tell: p is as large, and the interval contains 0 and is wider, or this test cannot give less than "
-        f"{SIGNIFICANT}. "
+        f"each house has one episode), at random for the rest; {CORRECTED} Noise: p is {SIGNIFICANT} or more, and the "
+        f"interval contains 0 and excludes {100 * TELLING:.0f} points (if not a share, {TELLING:.0%} of the mean of "
+        "both) either way. Too few to tell: p is as large, and the interval contains 0 and is wider, or this test "
+        f"cannot give less than {SIGNIFICANT}. "
         "Not significant: p is as large although the interval excludes 0. "
         "The same: no episode differs."
     )

@@ -193,7 +193,7 @@ def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task)
     assert (scores.success, cause, scores.dropped) == (True, None, 0)
     table = CliRunner().invoke(bench, ["table", str(tmp_path), "--format", "markdown"], catch_exceptions=False).output
     assert "HoldSR" in table
-    assert "Privileged (knows scene and true state): agent" in table
+    assert "Privileged (may read scene, true state, target ids, and depth and ids of its view): agent" in table
     assert "of an unknown total" in table
 
 

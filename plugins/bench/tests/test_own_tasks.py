@@ -71,6 +71,7 @@ def test_the_function_decides_who_succeeds_and_says_why_not(run, file):
     table = json.loads(call("table", run, "--json", "--plugin", file))["tasks"]
     assert table["rows"][0]["solved"]["value"] == 0.5
     assert "1 not met: Stop over 80 cm from the start." in table["notes"][0]
+    assert "No target in 2 episodes: success is the function's alone." in table["notes"][0]
     call("rescore", run, "--plugin", file)
     lines = {line["episode"]: line for line in map(json.loads, (run / "scores.jsonl").read_text().splitlines())}
     assert [lines[name]["success"] for name in ("near", "late")] == [True, False]
@@ -279,6 +280,7 @@ def test_a_run_of_an_own_task_is_submitted_and_ranked(run, file):
     assert "cannot be scored" not in page
     assert "<th scope='col'>agent</th><th scope='col'>solved</th>" in page
     assert "</th><td>50.0% [" in page
+    assert "<caption>stopped_ahead, not one of the benchmark&#39;s: 2 episodes" in page
 
 
 def test_a_run_of_tasks_that_nothing_decides_says_so(tmp_path):

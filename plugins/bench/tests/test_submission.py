@@ -319,7 +319,8 @@ def test_a_privileged_agent_is_called_so_under_every_table(run: Path) -> None:
     for episode in load_run(run):
         settings = {**episode.record.settings, "privileged": {"agent": True}}
         rewrite(run, episode.folder.name, settings=settings)
-    assert "Privileged (knows scene and true state): agent." in invoke("table", run, "--format", "markdown").output
+    told = "Privileged (may read scene, true state, target ids, and depth and ids of its view): agent."
+    assert told in invoke("table", run, "--format", "markdown").output
     submitted(run)
     invoke("leaderboard", run.parent)
     assert "model (privileged)" in page(run)[0]

@@ -403,6 +403,13 @@ def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Pa
     assert (nav["a"], nav["b"], nav["difference"]["value"]) == (0.75, 0.75, 0.0)
 
 
+def test_a_comparison_has_each_metric_once(tmp_path: Path) -> None:
+    run = write_run(tmp_path, 3, 1, 1)
+    names = [row["metric"] for row in json.loads(invoke("compare", run, run, "--json", "--partial").output)["metrics"]]
+    assert "motion (s)" in names
+    assert sorted(set(names)) == sorted(names)
+
+
 def test_a_latex_table_has_the_chosen_columns_in_their_order(tmp_path: Path) -> None:
     run, height = write_run(tmp_path, 3, 1), tmp_path / "height.py"
     height.write_text(
