@@ -85,15 +85,16 @@ def _add_comparison(first: Result, second: Result, page: Page) -> None:
         return
     shown = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
     differing = [m for m in shown if differences[m.name].low > 0 or differences[m.name].high < 0]
-    rows = [compared(metric, differences[metric.name]) for metric in differing]
+    cells = [compared(metric, differences[metric.name]) for metric in differing]
+    rows = [(*row, f"{said} [p {p}]") for *row, p, said in cells]  # One column less: a phone is narrow.
     alike = ", ".join(metric.name for metric in shown if metric not in differing)
     notes = (
         f"No difference shown (the interval contains 0): {alike or 'none'}.",
-        f"{bearing(differences, shown)} Difference: {second.name} less {first.name}. p: the runs are swapped house by "
+        f"{bearing(differences, shown)} p: the runs are swapped house by "
         f"house, exactly for rates, at random for the rest; {CORRECTED}",
     )
-    head = ("metric", first.name, second.name, "difference", "p", "verdict")
-    page.table("Metrics that differ", head, rows, notes=notes)
+    head = ("metric", "A", "B", "B \u2212 A", "verdict")
+    page.table(f"Metrics that differ (A: {first.name}, B: {second.name})", head, rows, notes=notes)
 
 
 def _unasked(metric: Metric, difference: Difference) -> bool:
