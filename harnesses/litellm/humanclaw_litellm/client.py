@@ -21,7 +21,7 @@ from humanclaw import Meter, ProviderClosedError, ProviderError
 from humanclaw.cli import legible
 from humanclaw.records import Usage
 from humanclaw.skills import split_thoughts
-from humanclaw_litellm.failures import FailedRequest, RefusalError, TooLongError
+from humanclaw_litellm.failures import FailedRequest, RefusalError, TooLongError, UnservedRequest
 from humanclaw_litellm.litellm_setup import complete, load, missing_key
 from humanclaw_litellm.rates import RateLimiter
 from humanclaw_litellm.redaction import redact
@@ -33,6 +33,7 @@ MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 _LOG: Final = logging.getLogger(__name__)
 _LONGEST_BACKOFF: Final = 60.0  # Seconds: providers count requests by the minute.
 _LONGEST_WAIT: Final = 600.0  # Seconds: all workers wait, and a wait of days would look like a hang.
+_STARTING: Final = 5.0  # Seconds: waits double, so the last try comes within ten.
 _BREAKS: Final = re.compile(r"[\t\n\r]+")
 _LONGEST_NAME: Final = 200  # Characters: records hold the name that a provider gives, whatever it sends.
 _ANSWER: Final = 300
@@ -271,12 +272,19 @@ class Client:
 
     def _retrying(self) -> tenacity.Retrying:
         return tenacity.Retrying(
-            stop=tenacity.stop_after_attempt(self._settings.num_retries + 1),
+            stop=self._gives_up,
             wait=self._pause,
             retry=tenacity.retry_if_exception(lambda error: isinstance(error, FailedRequest) and error.transient),
             before_sleep=self._tell_retry,
             reraise=True,
         )
+
+    def _gives_up(self, state: tenacity.RetryCallState) -> bool:
+        """Tell whether no further try is made. A server of this machine that has never answered is not waited for."""
+        error = state.outcome.exception() if state.outcome else None
+        unserved = isinstance(error, UnservedRequest) and not self.learned.worked
+        soon = unserved and tenacity.stop_after_delay(_STARTING)(state)
+        return soon or tenacity.stop_after_attempt(self._settings.num_retries + 1)(state)
 
     def _pause(self, state: tenacity.RetryCallState) -> float:
         """Return the seconds to wait: exponential with jitter, at least as the provider asks, at most the time left."""

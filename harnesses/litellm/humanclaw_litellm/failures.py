@@ -15,6 +15,7 @@ from humanclaw_litellm.endings import ending_of, first_of, part_of, stranger_in
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})  # Timeout, conflict, too early, too many requests.
+_LOCAL: Final = re.compile(r"https?://(?:localhost|127\.[\d.]+|0\.0\.0\.0|\[::1\])(?::|$)")
 _DEEPEST: Final = 8
 """Levels of an error's body that are read."""
 _COUNTS: Final = ("usage", "usageMetadata", "prompt_eval_count")
@@ -222,6 +223,10 @@ class FailedRequest(Exception):  # noqa: N818
         return self.status >= 400 and self.status not in (401, 403, 408)
 
 
+class UnservedRequest(FailedRequest):
+    """A request to an address of this machine where nothing listens: most likely the server was never started."""
+
+
 def _number(text: str) -> float:
     """Return a number of 0 or more; 0 for any other text."""
     try:
@@ -283,8 +288,7 @@ def failure_of(error: BaseException, response: Any, address: str) -> FailedReque
     if name == "ContentPolicyViolationError":
         return FailedRequest(plain, 400, "content_filter")
     if response is None:
-        where = f" at {address} ({_cause(error)})" if address else ""
-        return FailedRequest(f"{plain.rstrip('.')}{where}", getattr(error, "status_code", None) or 0)
+        return _unanswered(error, plain.rstrip("."), address)
     body, headers = _body_of(response), dict(response.headers)
     if response.status_code >= 300:
         return FailedRequest(_words(body) or plain, response.status_code, response.text, headers)
@@ -292,6 +296,15 @@ def failure_of(error: BaseException, response: Any, address: str) -> FailedReque
         return FailedRequest("it answers with a web page; an api_base often ends in /v1", 404)
     fault = body.get("error") if isinstance(body, dict) else None
     return FailedRequest(_words(fault) or plain, _code(fault), _dump(fault) if fault else "", headers)
+
+
+def _unanswered(error: BaseException, plain: str, address: str) -> FailedRequest:
+    cause, status = _cause(error), getattr(error, "status_code", None) or 0
+    if isinstance(cause, ConnectionRefusedError) and _LOCAL.match(address):
+        remedy = "start the server there, or name its address with --option api_base=URL"
+        return UnservedRequest(f"nothing listens at {address} ({cause}): {remedy}", status)
+    where = f" at {address} ({str(cause) or type(cause).__name__})" if address else ""
+    return FailedRequest(f"{plain}{where}", status)
 
 
 def _body_of(response: Any) -> Any:
@@ -330,8 +343,8 @@ def _words(body: Any, deepest: int = _DEEPEST) -> str:
     return ": ".join(filter(None, (where, message, upstream)))
 
 
-def _cause(error: BaseException) -> str:
-    """Return the words of the innermost cause, such as "Connection refused"."""
+def _cause(error: BaseException) -> BaseException:
+    """Return the innermost cause, such as "Connection refused"."""
     while inner := error.__cause__ or error.__context__:
         error = inner
-    return str(error) or type(error).__name__
+    return error

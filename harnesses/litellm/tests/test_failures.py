@@ -748,6 +748,18 @@ def test_an_address_that_nobody_answers_is_named(begin, view, monkeypatch):
             agent.decide(view(), ())
         assert str(fault.value).count(server.origin) >= 1
         assert "refused" in str(fault.value)
+        assert "start the server there, or name its address with --option api_base=URL" in str(fault.value)
+
+
+def test_a_server_that_was_never_started_is_not_waited_for(begin, view, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    monkeypatch.setattr("time.sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    with OpenAIServer([]) as server:
+        agent = begin(server, backoff=1)
+    with pytest.raises(ProviderError, match="nothing listens at"):
+        agent.decide(view(), ())
+    assert 5 < now[0] <= 10
 
 
 @pytest.mark.parametrize(
