@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 from browser import browsing
-from PIL import Image
+from PIL import Image, ImageOps
 
 from humanclaw import load_run
 
@@ -27,6 +27,8 @@ ALIKE: Final = 10.0
 more, another house 21 or more."""
 SHOWN: Final = "bed", "couch", "toilet", "tv"
 """Targets of the replays that docs/index.md shows; of the chair, the body hides too much."""
+ROOM: Final = {"toilet": (0.02, 0.08, 0.65, 0.71)}
+"""Part of a replay's picture that shows the room, as shares from the left and the top; outside it is sky."""
 FONTS: Final = ":root, body { --serif: 'DejaVu Serif'; --sans: 'DejaVu Sans'; font-family: 'DejaVu Sans'; }"
 """Style of every picture: other fonts break lines elsewhere, and everything below moves."""
 
@@ -48,8 +50,11 @@ def make(run: Path, other: Path, out: Path) -> None:
         for recorded in (item for item in episodes if item.record.spec.target_category in SHOWN):
             page, last = recorded.folder / "page.html", len(recorded.steps) - 1
             picture = _seen(browser, page, {"width": 1000, "height": 1200}, "light", last, part="#stage")
-            picture.thumbnail((480, 480))
-            picture.save(out / f"replay-{recorded.record.spec.target_category}.jpg", quality=82)
+            target = recorded.record.spec.target_category
+            size, shares = np.array([*picture.size] * 2), np.array(ROOM.get(target, (0.0, 0.0, 1.0, 1.0)))
+            picture = picture.crop(tuple((size * shares).astype(int).tolist()))
+            picture = ImageOps.contain(picture, (480, 480))
+            picture.save(out / f"replay-{target}.jpg", quality=82)
         for name, picture in {"human": _person(browser), "leaderboard": _board(browser, run, other)}.items():
             picture.save(out / f"{name}-1400.jpg", quality=82)
     pair.unlink()
