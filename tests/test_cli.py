@@ -142,6 +142,8 @@ def test_the_usage_of_a_skill_lists_its_choices(cli):
     ("args", "message", "remedy"),
     [
         (["run", "--scene", "hause:0"], "there is no scene 'hause'", "Did you mean house?"),
+        (["check", "missing/folder"], "there is no file or folder missing/folder", "Name one, or a skill"),
+        (["bench", "run", "--max-steps", "3"], "bench run takes no --max-steps", "play --split smoke"),
         (["run", "--scene", "house:900"], "900", "house:"),
         (["run", "--instruction", " "], "the instruction is empty", "find a couch"),
         (["run", "--model", ""], "--model is empty", "Name one"),

@@ -41,6 +41,8 @@ def check_target(target: str, plugins: Plugins, loading: float = LOADING, **opti
     owners = [info.name for info in plugins.infos if not info.error and is_owner(target, info.name)]
     if owners and target not in plugins.skills:
         return _of_plugin(owners[0], plugins, options)
+    if path.name != target and ":" not in target:
+        raise PluginError(f"there is no file or folder {target}.", "Name one, or a skill or plugin that is installed.")
     return [examine(plugins.offered("skills", target), plugins.measures, plugins=plugins, **options)]
 
 

@@ -14,7 +14,7 @@ from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
-from humanclaw.errors import CallError, HumanclawError
+from humanclaw.errors import CallError, HumanclawError, PluginError
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.hookspecs import RegisterSkill, hookimpl
 from humanclaw.plugins.host import Plugins, load_file, package_in
@@ -113,7 +113,13 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
         path = package_in(path)
         plugins.add(load_file(path), path.stem, origin=str(path), first=True)
         return plugins, _one_of(plugins, path.stem, skill)
-    return plugins, plugins.skill(target)
+    try:
+        return plugins, plugins.skill(target)
+    except PluginError as error:
+        near = did_you_mean(target, (file.name for file in Path().glob("*.py")))
+        if near and error.remedy.startswith("Known: "):
+            raise HumanclawError(error.message, near) from None
+        raise
 
 
 def _one_of(plugins: Plugins, owner: str, wanted: str) -> Skill:

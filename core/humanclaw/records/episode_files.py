@@ -47,6 +47,8 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
     except ValidationError as error:
         fields = EpisodeSpec.model_fields
         remedy = f"A line is a JSON object with {', '.join(fields)}: see docs/records.md."
+        if "start" in error.errors()[0]["loc"]:
+            remedy = "A start has x, z and yaw, and floor, the height of the ground there."
         raise HumanclawError(f"{where} is not an episode: {first_fault(error, fields)}.", remedy) from error
     except KeyError as error:
         raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error

@@ -58,8 +58,18 @@ def _plain(fault: Mapping[str, Any]) -> str:
     if kind == "dataclass_type":
         return f"expected a {context['class_name']}, or an object of its fields; got {reprlib.repr(came)}"
     if kind == "string_pattern_mismatch":
-        odd = next((letter for letter in came if re.search(context["pattern"], came.replace(letter, ""))), "")
-        return f"{odd!r} is not allowed in it" if odd else str(fault["msg"])
+        return _odd(came, context["pattern"]) or str(fault["msg"])
+    if kind == "unexpected_keyword_argument":
+        return "there is no such field"
     quoted = kind == "json_invalid" and context["error"].startswith(("key must be", "expected value"))
     hint = ". JSON takes names and texts in double quotes, and numbers, true, false and null" if quoted else ""
     return str(fault["msg"]).removeprefix("Value error, ") + hint
+
+
+def _odd(text: str, pattern: str) -> str:
+    """Return the letters without which a text would match a pattern: one, or all that no name has; empty if none."""
+    for odd in (*text, re.sub(r"[A-Za-z0-9._-]", "", text)):
+        if odd and re.search(pattern, text.translate(dict.fromkeys(map(ord, odd)))):
+            letters = dict.fromkeys(odd)
+            return f"{' and '.join(map(repr, letters))} {'is' if len(letters) == 1 else 'are'} not allowed in it"
+    return "" if text else "it is empty"

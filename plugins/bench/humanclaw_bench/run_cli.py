@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from humanclaw.cli import ChosenAgents
 
 
+def _refuse_max_steps(context: click.Context, option: click.Parameter, value: int | None) -> None:
+    if value is not None:
+        message = "bench run takes no --max-steps: each episode of a split has its own max_steps."
+        raise HumanclawError(message, "For a short trial play --split smoke, or add --limit episode.seconds=60.")
+
+
 @click.command("run")
 @click.option(
     "--split",
@@ -50,6 +56,7 @@ if TYPE_CHECKING:
 @click.option(
     "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
 )
+@click.option("--max-steps", type=int, hidden=True, expose_value=False, callback=_refuse_max_steps)
 @plugin_options
 def run_command(
     name: str, agents: ChosenAgents, backends: Backends, workers: int, executor: str, address: str | None,

@@ -6,6 +6,7 @@ so that houses, distances and difficulty are distributed as in the paper.
 
 from __future__ import annotations
 
+import difflib
 import importlib.resources
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -73,9 +74,16 @@ def load_split(name: str, plugins: Plugins | None = None) -> tuple[EpisodeSpec, 
     if name in own:
         return tuple(own[name])
     if name not in known and not Path(name).exists():
-        names = ", ".join((*known, *own))
-        raise HumanclawError(f"there is no split {name}.", f"Name one of {names}, a plugin's task, or a file.")
+        raise _unknown(name, (*known, *own))
     return read_episodes(DATA / f"{name}.jsonl" if name in known else Path(name))
+
+
+def _unknown(name: str, known: Sequence[str]) -> HumanclawError:
+    if Path(name).suffix or Path(name).name != name:
+        return HumanclawError(f"there is no file {name}.", "Name a file of episodes, or a split.")
+    near = difflib.get_close_matches(name, known, 1, 0.5)
+    listed = f"Name one of {', '.join(known)}, a task of --plugin FILE, or a file."
+    return HumanclawError(f"there is no split {name}.", f"Did you mean {near[0]}?" if near else listed)
 
 
 # -- candidates --------------------------------------------------------------------------------------------------------

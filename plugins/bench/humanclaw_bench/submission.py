@@ -11,11 +11,11 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from humanclaw import Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.records import first_fault
 from humanclaw.storage import Folder
 from humanclaw_bench.results import Result, named, require_whole
-from humanclaw_bench.scoring import Extra, metrics_of, scored
+from humanclaw_bench.scoring import Extra, metrics_of, scored, unjudged
 from humanclaw_bench.verification import LARGEST, MANIFEST, Manifest, read_json, read_manifest, standing
 
 NAME: Final = "submission.json"
@@ -77,7 +77,10 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True, file
     except ValidationError as error:
         said = f"no submission can be made: {first_fault(error)}."
         raise RecordError(said, "Give names of at most 500 letters.") from error
-    run_scored = ScoredRun.read(run, metrics_of(Plugins.discover(files)))
+    extra = metrics_of(Plugins.discover(files))
+    if unknown := unjudged([episode.record.spec for episode in load_run(run)], extra):
+        raise HumanclawError(*unknown)
+    run_scored = ScoredRun.read(run, extra)
     require_whole([run_scored.result], partial)
     return made.model_copy(update={"digest": run_digest(run, run_scored.episodes)})
 

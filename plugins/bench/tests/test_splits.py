@@ -165,6 +165,17 @@ def test_a_split_reads_back_as_it_was_written(pool, tmp_path):
 def test_a_split_that_is_not_there_or_not_one_is_refused(tmp_path):
     with pytest.raises(HumanclawError, match="there is no split missing"):
         load_split("missing")
+    with pytest.raises(HumanclawError, match=r"Did you mean smoke\?"):
+        load_split("smok")
+    with pytest.raises(HumanclawError, match=r"there is no file nothere\.jsonl"):
+        load_split("nothere.jsonl")
+    for field, words in {
+        '"id": "a b/c"': "' ' and '/' are not allowed",
+        '"start": {"y": 1}': "A start has x, z",
+    }.items():
+        (tmp_path / "bad.jsonl").write_text(f'{{"instruction": "x", "scene": "floor", "id": "a", {field}}}\n')
+        with pytest.raises(HumanclawError, match=words):
+            load_split(str(tmp_path / "bad.jsonl"))
     (tmp_path / "bad.jsonl").write_text('{"id": 1}\n')
     with pytest.raises(HumanclawError, match=r"bad\.jsonl:1 is not an episode"):
         load_split(str(tmp_path / "bad.jsonl"))
