@@ -3,6 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from humanclaw.world import pack_scene, unpack_scene
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.oneself import KNOWLEDGE
 from humanclaw_bench.oneself.generate import questions
+from humanclaw_bench.oneself.scene_setups import AHEAD
 from humanclaw_bench.results import named
 from humanclaw_bench.scores import score
 from humanclaw_bench.splits import HOUSES, load_split
@@ -99,7 +101,7 @@ def test_a_goal_without_things_needs_a_kind_and_an_answer(lacking):
 # -- truth, by arithmetic of its own -----------------------------------------------------------------------------------
 def by_arithmetic(spec):
     """The answer from the numbers of a scene: a grown body is 50 cm wide, reaches less than 70 cm over an edge, sits
-    with feet on the floor up to 50 cm, and touches what is less than 40 cm to its side."""
+    with feet on the floor up to 90 cm (measured below), and touches what is less than 40 cm to its side."""
     setup, values = numbers(spec)
     if setup == "hands":
         return "yours" if ("on the left" in spec.instruction) == (values[1] > 0) else "another's"
@@ -110,7 +112,7 @@ def by_arithmetic(spec):
     if setup == "post":
         return str(45 * round(values[0] / 45))
     limits = {"gap": values and values[0] > 0.5, "shelf": values and values[-1] < 0.7,
-              "stool": values and values[0] < 0.5, "cabinet": values and values[0] > 0, "glass": True}  # fmt: skip
+              "stool": values and values[0] < 0.9, "cabinet": values and values[0] > 0, "glass": True}  # fmt: skip
     return "yes" if limits.get(setup) else "no"
 
 
@@ -195,6 +197,33 @@ def test_what_moves_in_the_mirror_as_a_hand_does_is_ones_own(first, side):
         own, another = another, own
     assert "on the left" in spec.instruction
     assert (moved & own).sum() > 3 * (moved & another).sum()
+
+
+def sits(body, spec, away, up):
+    """Whether the hips touch a stool and both feet something else, when a body sat twice with its back to it."""
+    start, ahead = spec.start, AHEAD - away
+    x, z = start.x + ahead * np.sin(start.yaw), start.z + ahead * np.cos(start.yaw)
+    body.place(spec.scene, replace(start, x=float(x), z=float(z), yaw=start.yaw + np.pi))
+    for _ in range(2):
+        body.call("sit_in_place", h_cm=up)
+    played = body.last.chunks[-1].execution
+    stool = body.scene.of_category("stool")[-1].id
+    last = [contact for contact in played.contacts if len(played.simulated) - 1 in contact.frames]
+    feet = {c.joint.split("_")[0] for c in last if c.object_id != stool and c.joint.endswith(("_ankle", "_foot"))}
+    return len(feet) == 2 and any(c.joint.endswith("pelvis") and c.object_id == stool for c in last)
+
+
+@pytest.mark.integration
+def test_feet_stay_down_on_stools_of_yes_and_on_none_of_no(first):
+    """The highest of yes and the lowest of no, with the back to it from near to far."""
+    _, body = first
+    stools = {
+        answer: [s for s in SPLIT if numbers(s)[0] == "stool" and s.goal.answer == answer] for answer in ("yes", "no")
+    }
+    highest = max(stools["yes"], key=lambda spec: numbers(spec)[1])
+    lowest = min(stools["no"], key=lambda spec: numbers(spec)[1])
+    assert sits(body, highest, 0.32, 64)
+    assert not any(sits(body, lowest, away, up) for away in (0.36, 0.44, 0.52) for up in (74, 80))
 
 
 # -- scores ------------------------------------------------------------------------------------------------------------

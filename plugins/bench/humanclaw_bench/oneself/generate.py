@@ -256,17 +256,19 @@ def _shelf(fits: bool, rng: np.random.Generator) -> Question:
 
 
 def _stool(fits: bool, rng: np.random.Generator) -> Question:
-    height = round(float(rng.uniform(0.25, 0.42) if fits else rng.uniform(0.62, 0.7)), 2)
-    sit = Asked({"hips.height": height + 0.12}, "sit")
+    height = round(float(rng.uniform(0.4, 0.54) if fits else rng.uniform(0.93, 1.0)), 2)
+    # With both feet down, hips come over seats of up to 0.62 m, and against the edge of those of up to 0.86 m; from
+    # 0.9 m on at no distance or height of the hips. Of the highest, 0.44 m away and at 0.8 m.
+    away, up = (0.35, height + 0.12) if fits else (0.44, 0.8)
 
     def read(played: Played, place: Pose2D) -> str:
         stool = played.scene.of_category("stool")[-1]
-        on = {(c.joint.rpartition("_")[2], c.object_id == stool.id) for c in played.last}
+        sits = any(c.joint.endswith("pelvis") and c.object_id == stool.id for c in played.last)
         stands = {c.joint.partition("_")[0] for c in played.last if c.object_id != stool.id and _foot(c)}
-        return "" if ("pelvis", True) not in on else "yes" if len(stands) == 2 else "no" if not stands else ""
+        return "yes" if sits and len(stands) == 2 else "no"
 
     words = "could you sit on this stool with both feet on the floor?"
-    return Question("stool", (height,), words, (sit,) * 2, read, (AHEAD - 0.35, np.pi))
+    return Question("stool", (height,), words, (Asked({"hips.height": up}, "sit"),) * 2, read, (AHEAD - away, np.pi))
 
 
 def _foot(contact: Contact) -> bool:
