@@ -275,7 +275,7 @@ def test_a_task_named_like_a_shipped_split_is_refused(file):
 
 def test_a_run_of_an_own_task_is_submitted_and_ranked(run, file):
     alone = CliRunner().invoke(bench, ["submit", str(run), "--who", "A"])
-    assert "Give its file: --plugin FILE." in alone.output
+    assert "Give its file: --plugin FILE." in str(alone.exception)
     assert not (run / "submission.json").exists()
     call("submit", run, "--who", "A", "--plugin", file)
     call("leaderboard", run.parent, "--any-pace", "--plugin", file)
