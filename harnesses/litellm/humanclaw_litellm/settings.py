@@ -75,6 +75,7 @@ class Settings(PromptSettings):
     timeout: Annotated[float, Field(gt=0)] = 120.0
     """Seconds for one request."""
     num_retries: Annotated[int, Field(ge=0)] = 5
+    """A server of this machine that has never answered is tried for ten seconds at most."""
     backoff: Annotated[float, Field(ge=0)] = 1.0
     """Seconds before the first retry; the wait doubles each time, up to 60 seconds."""
     requests_per_minute: Annotated[float, Field(gt=0)] | None = None
