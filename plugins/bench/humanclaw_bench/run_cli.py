@@ -56,7 +56,9 @@ def _refuse_max_steps(context: click.Context, option: click.Parameter, value: in
 @click.option(
     "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
 )
-@click.option("--max-steps", type=int, hidden=True, expose_value=False, callback=_refuse_max_steps)
+@click.option(
+    "--max-steps", type=int, hidden=True, expose_value=False, callback=_refuse_max_steps, help="Of `humanclaw run`."
+)
 @plugin_options
 def run_command(
     name: str, agents: ChosenAgents, backends: Backends, workers: int, executor: str, address: str | None,
