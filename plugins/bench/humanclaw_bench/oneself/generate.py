@@ -12,6 +12,7 @@ from itertools import cycle
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene, Skill
 from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quaternion, wrap_angle, yaw_matrix
@@ -350,10 +351,10 @@ def _alike(body: Body, scene: Scene, twin: Scene, place: Pose2D) -> bool:
     return bool((one != other).sum() < 0.002 * one.sum())
 
 
-def _mirrored(body: Body, scene: Scene, place: Pose2D) -> Array:
+def _mirrored(body: Body, scene: Scene, place: Pose2D) -> NDArray[np.bool_]:
     """Return (H, W) which pixels of the first view show the mirror."""
     body.place(scene, place)
-    return body.view().ids == scene.of_category("mirror")[-1].id
+    return np.equal(body.view().ids, scene.of_category("mirror")[-1].id)
 
 
 def _play(body: Body, scene: Scene, question: Question, place: Pose2D) -> Played:
