@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 
 import anyio
 import anyio.to_thread
@@ -171,7 +172,9 @@ def test_a_server_on_streams_that_is_terminated_closes_its_record(fake, tmp_path
 @signals
 @pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGHUP", None)], ids=["ended", "hung up"])
 async def test_a_server_on_http_that_is_terminated_closes_its_record(fake, tmp_path, number):
-    with subprocess.Popen([*fake, "--http", "--port", "0"], stderr=subprocess.PIPE, text=True) as server:
+    command = [*fake, "--http", "--port", "0"]
+    heard = partial(signal.signal, number, signal.SIG_DFL)  # Tests started by nohup pass on that SIGHUP is ignored.
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard) as server:
         address = next(match[0] for line in server.stderr if (match := re.search(r"http://\S+", line)))
         async with Client(address) as client:
             await client.call_tool("turn_in_place", {"yaw_deg": 30})
