@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from humanclaw.storage import Cache
+from humanclaw.storage import Cache, source_digest
 
 
 def test_what_is_put_under_a_key_is_what_comes_back(tmp_path: Path) -> None:
@@ -76,3 +76,16 @@ def test_a_damaged_file_is_named_and_removed(tmp_path: Path, damage) -> None:  #
 def test_a_key_cannot_leave_the_folder(tmp_path: Path, key: str) -> None:
     with pytest.raises(ValueError, match="cache key"):
         Cache("things", root=tmp_path).get(key)
+
+
+def test_code_changed_since_the_process_began_shares_no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    digests = {}
+    for name, changed in (("before", 0.0), ("since", 4e9)):
+        source = tmp_path / name / "__init__.py"
+        source.parent.mkdir()
+        source.touch()
+        os.utime(source, (changed, changed))
+        digests[name] = [source_digest.__wrapped__((name,)) for _ in range(2)]
+    assert len(set(digests["before"])) == 1
+    assert len(set(digests["since"])) == 2

@@ -10,6 +10,7 @@ import hashlib
 import importlib.metadata
 import os
 import re
+import time
 import warnings
 from functools import cache
 from importlib import resources
@@ -24,6 +25,7 @@ from humanclaw.storage.files import Folder
 VARIABLE: Final = "HUMANCLAW_CACHE"
 LIMIT: Final = 1 << 30
 """Maximum bytes of one cache. Beyond it the least recently used entries go."""
+_STARTED: Final = time.time()
 _DIGEST: Final = hashlib.sha256().digest_size
 _KEY: Final = re.compile(r"[A-Za-z0-9._-]{1,150}")
 
@@ -98,6 +100,9 @@ def _digest(key: str, data: bytes) -> bytes:
 def source_digest(sources: tuple[str, ...], libraries: tuple[str, ...] = ()) -> str:
     """Return a digest of everything that may change a cached result, for its key.
 
+    Nobody finds again what is kept under the digest of a file that changed since the process began, which may run the
+    file as it was.
+
     Args:
         sources: packages, and files or folders in them, such as "humanclaw/body/pose.py".
         libraries: distributions whose version counts.
@@ -106,6 +111,8 @@ def source_digest(sources: tuple[str, ...], libraries: tuple[str, ...] = ()) -> 
     for package, *inside in (source.split("/") for source in sources):
         for path in _sources(resources.files(package).joinpath(*inside)):
             state.update(path.name.encode() + path.read_bytes())
+            if isinstance(path, Path) and path.stat().st_mtime > _STARTED:
+                state.update(os.urandom(_DIGEST))
     for name in libraries:
         state.update(f"{name} {importlib.metadata.version(name)}".encode())
     return state.hexdigest()

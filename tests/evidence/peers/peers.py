@@ -93,7 +93,7 @@ def views() -> Lines:
         first = first or taken
         parts.append(f"{title} {taken / first:.2f}")
     side.save(DOCS / "images" / "peers.jpg", quality=75)
-    yield f"Views of `house:0` (`docs/images/peers.jpg`), 512 x 512, 8 directions ({first:.0f} ms): {'; '.join(parts)}."
+    yield f"Views of `house:0` (`docs/images/peers.jpg`), 8 of 512 x 512 (ours {first:.0f} ms): {'; '.join(parts)}."
 
 
 def physics() -> Lines:
@@ -119,7 +119,7 @@ def start() -> Lines:
         times.setdefault(f"{path.name} {words}", []).append(spent(partial(said, [path, *words.split()])))
     first = median(next(iter(times.values())))
     parts = [f"`{name}` {median(taken) / first:.2f}" for name, taken in times.items()]
-    yield f"Start-up: {', '.join(parts)} ({1e3 * first:.0f} ms)."
+    yield f"Start-up (the first {1e3 * first:.0f} ms): {', '.join(parts)}."
 
 
 def main() -> None:
