@@ -81,7 +81,7 @@ def load_split(name: str, plugins: Plugins | None = None) -> tuple[EpisodeSpec, 
 def _unknown(name: str, known: Sequence[str]) -> HumanclawError:
     if Path(name).suffix or Path(name).name != name:
         return HumanclawError(f"there is no file {name}.", "Name a file of episodes, or a split.")
-    near = difflib.get_close_matches(name, known, 1, 0.5)
+    near = difflib.get_close_matches(name, known, 1, 0.6)
     listed = f"Name one of {', '.join(known)}, a task of --plugin FILE, or a file."
     return HumanclawError(f"there is no split {name}.", f"Did you mean {near[0]}?" if near else listed)
 

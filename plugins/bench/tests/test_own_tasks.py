@@ -139,7 +139,7 @@ def test_without_the_function_nothing_is_scored_and_it_is_asked_for(run, caplog)
 def test_a_split_is_found_by_the_name_of_its_function(file):
     specs = load_split("stopped_ahead", Plugins.discover([file]))
     assert [(spec.id, spec.success) for spec in specs] == [("near", "stopped_ahead"), ("late", "stopped_ahead")]
-    with pytest.raises(HumanclawError, match=r"Name one of .* a plugin's task, or a file"):
+    with pytest.raises(HumanclawError, match=r"Name one of .* a task of --plugin FILE, or a file"):
         load_split("stopped_ahead")
 
 
