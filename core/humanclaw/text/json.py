@@ -20,6 +20,8 @@ DEEPEST: Final = 16
 """Maximum nesting of a parameter. No schema asks for more."""
 LARGEST: Final = 2**53
 """Largest integer that every reader of JSON keeps exactly."""
+_PARSED: Final = {"int_parsing": "a whole number", "float_parsing": "a number", "bool_parsing": "true or false"}
+"""What was to be read from a text, by pydantic's type of the fault."""
 
 
 def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
@@ -30,10 +32,6 @@ def once(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
             raise KeyError(key)
         values[key] = value
     return values
-
-
-_PARSED: Final = {"int_parsing": "a whole number", "float_parsing": "a number", "bool_parsing": "true or false"}
-"""What was to be read from a text, by pydantic's type of the fault."""
 
 
 def first_fault(error: ValidationError, known: Iterable[str] = ()) -> str:

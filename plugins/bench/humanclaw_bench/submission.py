@@ -50,12 +50,15 @@ class ScoredRun:
     result: Result
 
     @classmethod
-    def read(cls, run: Path, extra: Extra) -> ScoredRun:
-        """Read and score a run. extra: metrics of plugins.
+    def read(cls, run: Path, extra: Extra, judged: bool = False) -> ScoredRun:
+        """Read and score a run. extra: metrics of plugins. judged: also raise HumanclawError, before it is scored, if a
+        function decides the success of an episode and is not among these.
 
         Raises RecordError if it is damaged, of several agents, or not what run.json says.
         """
         manifest, episodes = read_manifest(run), tuple(load_run(run))
+        if judged and (unknown := unjudged([episode.record.spec for episode in episodes], extra)):
+            raise HumanclawError(*unknown)
         known = standing(run, episodes)
         if known.faults:
             more = f" ({len(known.faults)} such faults)" if len(known.faults) > 1 else ""
@@ -77,10 +80,7 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True, file
     except ValidationError as error:
         said = f"no submission can be made: {first_fault(error)}."
         raise RecordError(said, "Give names of at most 500 letters.") from error
-    extra = metrics_of(Plugins.discover(files))
-    if unknown := unjudged([episode.record.spec for episode in load_run(run)], extra):
-        raise HumanclawError(*unknown)
-    run_scored = ScoredRun.read(run, extra)
+    run_scored = ScoredRun.read(run, metrics_of(Plugins.discover(files)), judged=True)
     require_whole([run_scored.result], partial)
     return made.model_copy(update={"digest": run_digest(run, run_scored.episodes)})
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Final
@@ -210,11 +210,7 @@ def causes_table(
     """Return the share of each root cause among the failures of its stage (paper, error analysis, b to d)."""
     stages, pooled = tuple(dict.fromkeys(cause.stage for cause in causes)), _pooled(results)
     columns, failed, printed = _columns(pooled, paper)
-    rows = [
-        Row(label, (*(_share_of([cause], each[cause.stage]) for each in failed), *_paper_share(printed, label)))
-        for cause in causes
-        for label in [cause.label]
-    ]
+    rows = [Row(cause.label, (*_shares_of([cause], failed), *_paper_share(printed, cause.label))) for cause in causes]
     nothing = (NONE,) * bool(printed)
     rows += [
         Row(f"also {cause.label}", (*(_share_of_second(cause, each[cause.stage]) for each in failed), *nothing))
@@ -246,7 +242,7 @@ def faculties_table(results: Sequence[Result], *, paper: bool = False) -> Result
     for (stage, faculty), group in groups.items():
         name = f"{stage}: {faculty}"
         paper_share = _paper_share(sums, name) if name in sums else _paper_share(printed, *(c.label for c in group))
-        rows.append(Row(name, (*(_share_of(group, each[stage]) for each in failed), *paper_share)))
+        rows.append(Row(name, (*_shares_of(group, failed), *paper_share)))
     notes = tuple(result.note for result in results)
     return ResultTable("Faculties, share of the failures of each stage", "faculty", columns, tuple(rows), notes)
 
@@ -269,6 +265,11 @@ def _paper_share(printed: Mapping[str, Mapping[str, float]], *labels: str) -> tu
     return tuple(
         Estimate(sum(printed.get(label, {}).get(name, np.nan) for label in labels) / 100) for name in _first(printed)
     )
+
+
+def _shares_of(causes: Sequence[Cause], failed: Sequence[Failures]) -> Iterator[Estimate]:
+    """Yield for each result the share of root causes of one stage among its failures there."""
+    return (_share_of(causes, failures[causes[0].stage]) for failures in failed)
 
 
 def _share_of(causes: Sequence[Cause], failures: Sequence[tuple[Cause, Scores]]) -> Estimate:

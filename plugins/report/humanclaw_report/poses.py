@@ -39,21 +39,15 @@ def poses(episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path,
     frames = moments(motion.root)
     bodies, joints = [motion[frame : frame + 1] for frame in frames], motion.joints()[frames]
     above = min((floor for floor in floors_of(scene) if floor > joints[:, 0, 1].max()), default=np.inf)
-    keep, shown, seen = (
-        kept(episode, scene),
-        opened(scene, above - SLAB),
-        joints[:, JOINT_INDEX["head"]] + [0.0, 0.25, 0.0],
-    )
+    keep, shown = kept(episode, scene), opened(scene, above - SLAB)
+    seen = joints[:, JOINT_INDEX["head"]] + [0.0, 0.25, 0.0]
 
     def judged(side: int) -> tuple[float, Camera, frozenset[int]]:
         camera = _camera(joints, 2 * np.pi * side / SIDES, (_FINE * size[0], _FINE * size[1]))
         hiding = in_the_way(shown, joints, camera.position[None])
         gaps = np.linalg.norm(np.diff(camera.pixels(seen), axis=0), axis=1) / camera.width
-        return (
-            float(gaps.mean() if len(gaps) else 0.0) - _HIDING * len(hiding),
-            camera,
-            left_out(shown, hiding.keys(), keep),
-        )
+        apart = float(gaps.mean()) if len(gaps) else 0.0
+        return apart - _HIDING * len(hiding), camera, left_out(shown, hiding.keys(), keep)
 
     _, camera, hidden = max(map(judged, range(SIDES)), key=lambda view: view[0])
     renderer.load(loosened(shown, hidden))

@@ -51,7 +51,8 @@ def shots(
     what is never left out.
     """
     bounds = np.unique([0, *cuts, len(motion)])
-    hiding = [in_the_way(scene, motion.joints(), eyes) for eyes in views]
+    joints = motion.joints()
+    hiding = [in_the_way(scene, joints, eyes) for eyes in views]
     costs = np.stack([_costs(scene, hidden, bounds, keep) for hidden in hiding])
     # Two views are one on each side of the body.
     costs += _CUT + _ASIDE * (np.arange(len(views)) // 2)[:, None, None] * (bounds[1:] - bounds[:-1, None]) / FPS

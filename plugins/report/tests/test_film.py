@@ -51,6 +51,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, Sce
     return RecordedEpisode(folder), scene
 
 
+def cut(monkeypatch: pytest.MonkeyPatch, episode: RecordedEpisode, frames: int) -> None:
+    first = episode.motion()[:frames]
+    monkeypatch.setattr(RecordedEpisode, "motion", lambda episode: first)
+
+
 def test_the_camera_keeps_its_distance_and_moves_smoothly(made: tuple[RecordedEpisode, Scene]) -> None:
     motion = made[0].motion()
     eyes = follow(motion)
@@ -150,8 +155,7 @@ def test_a_short_film_begins_and_ends_with_a_still_second(
 ) -> None:
     """A call of half a second is over before one looks."""
     episode, scene = made
-    first = episode.motion()[:20]
-    monkeypatch.setattr(RecordedEpisode, "motion", lambda episode: first)
+    cut(monkeypatch, episode, 20)
     path = film(episode, replace(scene, rooms=()), Painter(), tmp_path / "film.mp4", every=2, size=(160, 120))
     frames = imageio_ffmpeg.read_frames(str(path))
     next(frames)
@@ -284,8 +288,7 @@ def test_a_picture_of_a_body_that_stays_has_one_of_it(
     made: tuple[RecordedEpisode, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     episode, scene = made
-    first = episode.motion()[:15]
-    monkeypatch.setattr(RecordedEpisode, "motion", lambda episode: first)
+    cut(monkeypatch, episode, 15)
     assert poses(episode, scene, Painter(), tmp_path / "bodies.png", (160, 90)).is_file()
 
 

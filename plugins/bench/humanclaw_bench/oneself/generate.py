@@ -347,8 +347,8 @@ def _places(grid: OccupancyGrid, free: tuple[tuple[float, float], ...], rng: np.
 
 def _alike(body: Body, scene: Scene, twin: Scene, place: Pose2D) -> bool:
     """Tell whether the mirrors of two scenes fill the same pixels: a wall may hide the end of one that is turned."""
-    one, other = (_mirrored(body, each, place) for each in (scene, twin))
-    return bool((one != other).sum() < 0.002 * one.sum())
+    glass, turned = _mirrored(body, scene, place), _mirrored(body, twin, place)
+    return bool((glass != turned).sum() < 0.002 * glass.sum())
 
 
 def _mirrored(body: Body, scene: Scene, place: Pose2D) -> NDArray[np.bool_]:
